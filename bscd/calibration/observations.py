@@ -1,0 +1,33 @@
+"""What the cameras saw of the calibration target: labelled dots with their image positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+CameraName = Literal["primary", "auxiliary", "left", "right"]
+PoseName = Literal["corner", "face"]
+
+
+@dataclass(frozen=True)
+class View:
+    """The labelled dots that one camera, or one half of the biprism image, saw of the target in one pose.
+
+    ``camera`` is "primary" or "auxiliary" without the biprism, "left" or "right" for the two halves through it.
+    ``position`` is k of POS.k, ``y_mm`` the stage's displacement from POS.0 as read back, ``rotation_deg`` the
+    rotation stage's reading. ``index`` ``(N,)`` are the labels of the target (`GridTarget.index`), ``xy_px``
+    ``(N, 2)`` the images of the dots' centres (column, row), ``sigma_px`` ``(N,)`` their standard uncertainty per
+    axis.
+    """
+
+    camera: CameraName
+    pose: PoseName
+    position: int
+    y_mm: float
+    rotation_deg: float
+    index: NDArray[np.int64]
+    xy_px: NDArray[np.float64]
+    sigma_px: NDArray[np.float64]

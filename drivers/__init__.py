@@ -1,0 +1,1 @@
+"""Drivers for the rig's hardware, and the digital twin; knows nothing of bscd."""
