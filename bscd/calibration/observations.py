@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from bscd.arrays import FloatArray, IntArray
 
 CameraName = Literal["primary", "auxiliary", "left", "right"]
 PoseName = Literal["corner", "face"]
@@ -28,6 +27,6 @@ class View:
     position: int
     y_mm: float
     rotation_deg: float
-    index: NDArray[np.int64]
-    xy_px: NDArray[np.float64]
-    sigma_px: NDArray[np.float64]
+    index: IntArray
+    xy_px: FloatArray
+    sigma_px: FloatArray

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bscd.arrays import FloatArray, IntArray
 
 FACES = ("right", "left")
 
@@ -31,19 +32,17 @@ class GridTarget:
         """Dots on one face."""
         return self.columns * self.rows
 
-    def index(self, face: int, row: NDArray[np.int64] | int, column: NDArray[np.int64] | int) -> NDArray[np.int64]:
+    def index(self, face: int, row: IntArray | int, column: IntArray | int) -> IntArray:
         """Labels of dots given by face (0 right, 1 left), row (0 top) and column (0 next to the edge)."""
         return np.asarray((face * self.rows + np.asarray(row)) * self.columns + np.asarray(column), np.int64)
 
-    def face_row_column(
-        self, index: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    def face_row_column(self, index: IntArray) -> tuple[IntArray, IntArray, IntArray]:
         """Face, row and column of labels."""
         rest, column = np.divmod(np.asarray(index, np.int64), self.columns)
         face, row = np.divmod(rest, self.rows)
         return face, row, column
 
-    def points_mm(self, index: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    def points_mm(self, index: IntArray | None = None) -> FloatArray:
         """World positions ``(N, 3)`` mm in the corner pose at POS.0 (all dots of both faces by default).
 
         They define the world frame (DESIGN section 2): origin on the edge at the middle of the dot rows, z up,
@@ -65,9 +64,9 @@ class PointsTarget:
     """
 
     labels: tuple[str, ...]
-    xyz_mm: NDArray[np.float64]
+    xyz_mm: FloatArray
     mark_size_mm: float
 
-    def points_mm(self, index: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    def points_mm(self, index: IntArray | None = None) -> FloatArray:
         """Positions ``(N, 3)`` mm of the marks with these places in ``labels`` (all by default)."""
         return self.xyz_mm if index is None else self.xyz_mm[np.asarray(index, np.int64)]

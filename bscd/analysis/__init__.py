@@ -1,0 +1,1 @@
+"""What the measurements say: validation of a calibration, figures and reports."""

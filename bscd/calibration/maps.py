@@ -1,0 +1,131 @@
+"""Volumetric distortion maps: four shifts as functions of the uncorrected position, with their covariance.
+
+Two interpolants over the same control points: piecewise linear on a Delaunay tessellation, as in the paper, and a
+smooth polynomial of low degree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from bscd.arrays import BoolArray, FloatArray
+from bscd.errors import InputError
+
+Interpolant = Literal["smooth", "linear"]
+
+MAX_DEGREE = 4
+
+
+class DistortionMap(Protocol):
+    """Shifts and their covariance anywhere in the volume."""
+
+    def shifts_px(self, points_mm: FloatArray) -> FloatArray:
+        """Shifts ``(N, 4)`` px at uncorrected positions ``(N, 3)`` mm; NaN where there is no map."""
+        ...
+
+    def covariance_px2(self, points_mm: FloatArray) -> FloatArray:
+        """Covariance ``(N, 4, 4)`` px^2 of the shifts; grows away from the control points."""
+        ...
+
+
+@dataclass(frozen=True)
+class SmoothMap:
+    """Polynomials in (x, y, z), every product of total degree <= ``degree``, fitted by least squares.
+
+    ``centre_mm`` and ``half_width_mm`` ``(3,)`` scale the volume to -1..1; ``coefficients`` ``(T, 4)`` px;
+    ``normal_inverse`` ``(T, T)``; ``residual_covariance_px2`` ``(4, 4)`` of the control points about the fit.
+    """
+
+    degree: int
+    centre_mm: FloatArray
+    half_width_mm: FloatArray
+    coefficients: FloatArray
+    normal_inverse: FloatArray
+    residual_covariance_px2: FloatArray
+
+    def shifts_px(self, points_mm: FloatArray) -> FloatArray:
+        """The polynomials' values ``(N, 4)`` px, also beyond the control points."""
+        return _terms(points_mm, self.degree, self.centre_mm, self.half_width_mm) @ self.coefficients
+
+    def covariance_px2(self, points_mm: FloatArray) -> FloatArray:
+        """Covariance of the fitted values, ``(N, 4, 4)`` px^2."""
+        terms = _terms(points_mm, self.degree, self.centre_mm, self.half_width_mm)
+        leverage = np.einsum("ni,ij,nj->n", terms, self.normal_inverse, terms)
+        return leverage[:, None, None] * self.residual_covariance_px2
+
+
+def _terms(points_mm: FloatArray, degree: int, centre_mm: FloatArray, half_width_mm: FloatArray) -> FloatArray:
+    """Every product of powers, ``(N, T)``, of positions scaled to -1..1."""
+    scaled = (points_mm - centre_mm) / half_width_mm
+    powers = scaled[:, :, None] ** np.arange(degree + 1)
+    return np.stack([powers[:, 0, a] * powers[:, 1, b] * powers[:, 2, c] for a, b, c in _exponents(degree)], axis=1)
+
+
+def _exponents(degree: int) -> list[tuple[int, int, int]]:
+    return [(a, b, c) for a, b, c in product(range(degree + 1), repeat=3) if a + b + c <= degree]
+
+
+def fit_smooth_map(points_mm: FloatArray, shifts_px: FloatArray, degree: int = MAX_DEGREE) -> SmoothMap:
+    """Fit the smooth map to control points ``(M, 3)`` mm and their shifts ``(M, 4)`` px.
+
+    Raises
+    ------
+    InputError
+        A degree outside 1..4, or control points that do not determine it.
+    """
+    if not 1 <= degree <= MAX_DEGREE:
+        raise InputError(f"distortion map: degree {degree}, allowed are 1 to {MAX_DEGREE}")
+    low, high = points_mm.min(axis=0), points_mm.max(axis=0)
+    centre, half_width = (low + high) / 2, (high - low) / 2
+    terms = _terms(points_mm, degree, centre, half_width)
+    if np.linalg.matrix_rank(terms) < terms.shape[1]:
+        raise InputError(
+            f"distortion map: {len(points_mm)} control points do not determine degree {degree}; "
+            "scan more positions or lower the degree"
+        )
+    coefficients = np.linalg.lstsq(terms, shifts_px, rcond=None)[0]
+    residual = shifts_px - terms @ coefficients
+    covariance = residual.T @ residual / max(len(terms) - terms.shape[1], 1)
+    inverse = np.linalg.inv(terms.T @ terms)
+    return SmoothMap(degree, centre, half_width, coefficients, inverse, covariance)
+
+
+@dataclass(frozen=True)
+class LinearMap:
+    """Piecewise-linear interpolation on the Delaunay tessellation of the control points (as griddata3).
+
+    Outside the tessellation it takes ``beyond``, the smooth map. ``noise_covariance_px2`` ``(4, 4)`` is the control
+    points' own, taken from their scatter about the smooth map.
+    """
+
+    tessellation: Delaunay
+    shifts: FloatArray
+    beyond: SmoothMap
+
+    def shifts_px(self, points_mm: FloatArray) -> FloatArray:
+        """Interpolated shifts ``(N, 4)`` px."""
+        inside, vertices, weights = self._barycentric(points_mm)
+        values = self.beyond.shifts_px(points_mm)
+        values[inside] = np.einsum("nv,nvk->nk", weights, self.shifts[vertices])
+        return values
+
+    def covariance_px2(self, points_mm: FloatArray) -> FloatArray:
+        """Covariance ``(N, 4, 4)`` px^2 that the control points' noise leaves in the interpolated shifts."""
+        inside, _, weights = self._barycentric(points_mm)
+        covariance = self.beyond.covariance_px2(points_mm)
+        covariance[inside] = np.sum(weights**2, axis=1)[:, None, None] * self.beyond.residual_covariance_px2
+        return covariance
+
+    def _barycentric(self, points_mm: FloatArray) -> tuple[BoolArray, NDArray[np.int32], FloatArray]:
+        simplex = self.tessellation.find_simplex(points_mm)
+        inside = simplex >= 0
+        transform = self.tessellation.transform[simplex[inside]]
+        first = np.einsum("nij,nj->ni", transform[:, :3], points_mm[inside] - transform[:, 3])
+        weights = np.column_stack([first, 1.0 - first.sum(axis=1)])
+        return inside, self.tessellation.simplices[simplex[inside]], weights

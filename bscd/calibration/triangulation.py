@@ -1,0 +1,85 @@
+"""Triangulation from two or more views, linear or optimal, with its uncertainty; vectorised over points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bscd.arrays import FloatArray
+from bscd.calibration.dlt import project, projection_jacobian
+
+TriangulationMethod = Literal["linear", "optimal"]
+
+_GAUSS_NEWTON_STEPS = 4
+
+
+@dataclass(frozen=True)
+class Triangulated:
+    """Points and what follows from their views.
+
+    ``xyz_mm`` ``(N, 3)``; ``residual_px`` ``(N, V, 2)``: measured minus reprojected; ``jacobian``
+    ``(N, 3, 2V)`` mm/px: derivatives of the point by the image coordinates (view by view, column before row).
+    """
+
+    xyz_mm: FloatArray
+    residual_px: FloatArray
+    jacobian: FloatArray
+
+    def covariance_mm2(self, covariance_px2: FloatArray) -> FloatArray:
+        """Covariance ``(N, 3, 3)`` for image covariances ``(2V, 2V)`` or ``(N, 2V, 2V)``."""
+        return self.jacobian @ covariance_px2 @ np.swapaxes(self.jacobian, 1, 2)
+
+
+def triangulate(
+    matrices: Sequence[FloatArray], xy_px: Sequence[FloatArray], method: TriangulationMethod = "optimal"
+) -> Triangulated:
+    """Points ``(N, 3)`` from their images ``(N, 2)`` in each of V >= 2 cameras given as matrices ``(3, 4)``.
+
+    "linear" solves the paper's equation 2, multiplied out, by least squares; "optimal" minimises the
+    reprojection error. A NaN image gives a NaN point.
+    """
+    points = triangulate_linear(matrices, xy_px)
+    measured = np.stack(xy_px, axis=1)
+    steps = _GAUSS_NEWTON_STEPS if method == "optimal" else 0
+    for _ in range(steps):
+        residual, design = _linearise(matrices, measured, points)
+        points = points + np.einsum("nij,nj->ni", _pseudo_inverse(design), residual)
+    residual, design = _linearise(matrices, measured, points)
+    return Triangulated(points, residual.reshape(measured.shape), _pseudo_inverse(design))
+
+
+def triangulate_linear(matrices: Sequence[FloatArray], xy_px: Sequence[FloatArray]) -> FloatArray:
+    """The least-squares solution ``(N, 3)`` of equation 2 multiplied out, for all views together."""
+    rows = [xy[:, :, None] * matrix[2] - matrix[:2] for matrix, xy in zip(matrices, xy_px, strict=True)]
+    system = np.concatenate(rows, axis=1)
+    left, right = system[:, :, :3], -system[:, :, 3]
+    normal = np.swapaxes(left, 1, 2) @ left
+    return _solve(normal, np.einsum("nij,ni->nj", left, right))
+
+
+def _linearise(
+    matrices: Sequence[FloatArray], measured: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    residual = np.concatenate([measured[:, v] - project(m, points) for v, m in enumerate(matrices)], axis=1)
+    design = np.concatenate([projection_jacobian(m, points) for m in matrices], axis=1)
+    return residual, design
+
+
+def _pseudo_inverse(design: FloatArray) -> FloatArray:
+    """(J^T J)^-1 J^T of ``(N, 2V, 3)``; NaN stays NaN."""
+    normal = np.swapaxes(design, 1, 2) @ design
+    return _solve(normal, np.swapaxes(design, 1, 2))
+
+
+def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve ``(N, 3, 3)`` systems; rows that are not finite or singular give NaN."""
+    columns = right if right.ndim == 3 else right[..., None]
+    finite = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(columns).all(axis=(1, 2))
+    usable = np.flatnonzero(finite)
+    usable = usable[np.abs(np.linalg.det(normal[usable])) > 0.0]
+    solution = np.full(columns.shape, np.nan)
+    solution[usable] = np.linalg.solve(normal[usable], columns[usable])
+    return solution if right.ndim == 3 else solution[..., 0]
