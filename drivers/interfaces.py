@@ -96,7 +96,7 @@ class Camera(Protocol):
         ...
 
     def status(self) -> CameraStatus:
-        """State now; does not wait for a frame."""
+        """State now, also without a connection; does not wait for a frame."""
         ...
 
     def configure(
@@ -106,7 +106,10 @@ class Camera(Protocol):
         ...
 
     def snap(self, timeout_s: float = 5.0) -> Frame:
-        """One frame whose exposure began after this call. Raises `DeviceTimeoutError` when none comes."""
+        """One frame whose exposure began after this call.
+
+        Raises `DeviceTimeoutError` when none comes, `DeviceBusyError` during a stream.
+        """
         ...
 
     def start(self) -> None:
@@ -114,11 +117,14 @@ class Camera(Protocol):
         ...
 
     def read(self, timeout_s: float = 5.0) -> Frame:
-        """The next streamed frame, oldest first. Raises `DeviceTimeoutError` when none comes."""
+        """The next streamed frame, oldest first.
+
+        Raises `DeviceTimeoutError` when none comes, and at once when the camera does not stream.
+        """
         ...
 
     def stop(self) -> None:
-        """End the stream; does nothing when there is none."""
+        """End the stream and discard what was not read; does nothing when there is none."""
         ...
 
 
@@ -133,6 +139,7 @@ class AxisInfo:
     limits: Range
     resolution: float
     repeatability: float
+    """One sigma of the true position about the reading after a move."""
     speed: float
     """Top speed, unit/s."""
     can_home: bool
@@ -140,7 +147,7 @@ class AxisInfo:
 
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
-    """State of an axis now; ``position`` and ``target`` in the axis's unit."""
+    """State of an axis now; ``position`` and ``target`` in the axis's unit, NaN without a connection."""
 
     connected: bool
     homed: bool
@@ -170,7 +177,7 @@ class Axis(Protocol):
         ...
 
     def status(self) -> AxisStatus:
-        """State now; allowed during a move."""
+        """State now, also during a move or without a connection."""
         ...
 
     def move_duration_s(self, position: float) -> float:
@@ -191,7 +198,10 @@ class Axis(Protocol):
         ...
 
     def stop(self) -> None:
-        """Stop as fast as is safe, from any thread and in any state; does nothing at rest."""
+        """Stop as fast as is safe, from any thread and in any state; does nothing at rest.
+
+        Returns as soon as the command is given; the call that moves raises `MoveStoppedError` at rest.
+        """
         ...
 
 
@@ -248,5 +258,5 @@ class PressureSource(Protocol):
         ...
 
     def vent(self) -> None:
-        """Open to the room, from any thread and in any state."""
+        """Open to the room, from any thread and in any state. Raises `NotConnectedError` when it can not."""
         ...

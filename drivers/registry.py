@@ -6,7 +6,7 @@ An entry point's name is the driver's name (``kind.maker``, for example ``camera
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from typing import Any
@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from drivers.clock import Clock, HostClock
 
 ENTRY_POINT_GROUP = "bscd.drivers"
+KINDS = ("camera", "axis", "pressure")
 
 
 @dataclass(frozen=True)
@@ -39,21 +40,43 @@ class DriverEntry:
     factory: Callable[[Any, DriverContext], Any]
     summary: str = ""
 
+    def build(self, options: Mapping[str, Any], context: DriverContext) -> Any:
+        """The driver with these options; raises `pydantic.ValidationError` for ones that are wrong."""
+        return self.factory(self.options.model_validate(dict(options)), context)
+
+
+class UnknownDriverError(KeyError):
+    """No driver of that name can be had; says which can, or why this one can not."""
+
+    def __str__(self) -> str:
+        """One sentence (a plain `KeyError` would show it in quotes)."""
+        return str(self.args[0])
+
 
 class Registry(Mapping[str, DriverEntry]):
-    """The drivers known by name, built-in and installed."""
+    """The drivers known by name, built-in and installed.
 
-    def __init__(self, entries: Mapping[str, DriverEntry]) -> None:
+    Parameters
+    ----------
+    entries : mapping of str to DriverEntry
+        The drivers that can be had.
+    broken : mapping of str to str
+        Drivers that are installed and can not be loaded, with the reason.
+    """
+
+    def __init__(self, entries: Mapping[str, DriverEntry], broken: Mapping[str, str] | None = None) -> None:
         self._entries = dict(entries)
+        self.broken = dict(broken or {})
 
     def __getitem__(self, name: str) -> DriverEntry:
-        """The driver of that name; raises `KeyError` with the names there are."""
-        try:
+        """The driver of that name; raises `UnknownDriverError`."""
+        if name in self._entries:
             return self._entries[name]
-        except KeyError:
-            raise KeyError(f"no driver {name!r}; known: {', '.join(sorted(self._entries))}") from None
+        if name in self.broken:
+            raise UnknownDriverError(f"driver {name!r} can not be loaded: {self.broken[name]}")
+        raise UnknownDriverError(f"no driver {name!r}; known: {', '.join(sorted(self._entries)) or 'none'}")
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[str]:
         """Iterate over the names."""
         return iter(self._entries)
 
@@ -63,5 +86,26 @@ class Registry(Mapping[str, DriverEntry]):
 
 
 def installed_drivers() -> Registry:
-    """Every driver that an installed package offers, bscd's own among them."""
-    return Registry({point.name: point.load() for point in entry_points(group=ENTRY_POINT_GROUP)})
+    """Every driver that an installed package offers, bscd's own among them.
+
+    One that can not be loaded (a missing library, another package's of the same name) does not keep the others
+    from working; asking for it tells the reason.
+    """
+    entries: dict[str, DriverEntry] = {}
+    broken: dict[str, str] = {}
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        try:
+            entry = point.load()
+        except Exception as error:  # whatever a third party's module raises when it is imported
+            broken[point.name] = f"{point.value}: {error}"
+            continue
+        if not isinstance(entry, DriverEntry) or entry.kind not in KINDS:
+            broken[point.name] = f"{point.value} is no DriverEntry of kind {', '.join(KINDS)}"
+        elif entries.get(point.name) is entry:  # one package found twice
+            continue
+        elif point.name in entries or point.name in broken:
+            broken[point.name] = "two packages offer a driver of that name; remove one"
+            entries.pop(point.name, None)
+        else:
+            entries[point.name] = entry
+    return Registry(entries, broken)

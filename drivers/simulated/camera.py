@@ -114,7 +114,7 @@ class SimulatedCamera:
             self._link.require_open(doing)
             if self._stream is not None:
                 raise DeviceBusyError(self.name, f"{doing}: it is streaming", "read the stream, or stop it first")
-            self._link.ask(doing)
+            self._link.ask(doing, within_s=timeout_s)
             exposure_s = self._settings.exposure_s
             start_s = self._clock.now_s()
             arrival_s = start_s + exposure_s + self._options.readout_s
@@ -175,7 +175,8 @@ class SimulatedCamera:
                 self._options.camera, exposure_s=settings.exposure_s, gain_db=settings.gain_db, rng=self._rng
             )
         data.setflags(write=False)
-        return Frame(data, frame_id, camera_time_ns=round(middle_s * 1e9), host_time_ns=round(arrival_s * 1e9))
+        arrived_s = max(arrival_s, self._clock.now_s())
+        return Frame(data, frame_id, camera_time_ns=round(middle_s * 1e9), host_time_ns=round(arrived_s * 1e9))
 
     def _pace(self) -> Pace:
         settings = self._settings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 from drivers.clock import Clock
@@ -42,7 +43,7 @@ class Link:
         with self._opening:
             if self._open:
                 return
-            if self._silent():
+            if self._silent(self._answer_timeout_s):
                 raise NotConnectedError(
                     self._device,
                     f"no answer within {self._answer_timeout_s:g} s while connecting",
@@ -59,21 +60,19 @@ class Link:
         if not self._open:
             raise NotConnectedError(self._device, f"{doing}: it is not connected", "call connect() first")
 
-    def ask(self, doing: str) -> None:
-        """Send a command and await its answer.
+    def ask(self, doing: str, *, within_s: float = math.inf) -> None:
+        """Send a command and await its answer, for ``within_s`` at most.
 
         Raises `NotConnectedError` when closed and `DeviceTimeoutError` when the device is silent.
         """
         self.require_open(doing)
-        if self._silent():
-            raise DeviceTimeoutError(
-                self._device,
-                f"{doing}: no answer within {self._answer_timeout_s:g} s",
-                "check its power and its cable",
-            )
+        timeout_s = min(within_s, self._answer_timeout_s)
+        if self._silent(timeout_s):
+            hint = "check its power and its cable"
+            raise DeviceTimeoutError(self._device, f"{doing}: no answer within {timeout_s:g} s", hint)
 
-    def _silent(self) -> bool:
+    def _silent(self, timeout_s: float) -> bool:
         if not self._faults.strike(Fault.NO_ANSWER):
             return False
-        self._clock.sleep(self._answer_timeout_s)
+        self._clock.sleep(timeout_s)
         return True
