@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from drivers.twin.bands import run_in_bands
 from drivers.twin.optics import Biprism, CameraOptics, FloatArray
 
 #: Where a ray left the prism.
@@ -59,9 +60,7 @@ def trace_pixel(column, row, cam, prism, face):
 
     ``face`` 0 takes the face that the ray meets; -1 or 1 that face, extended without bounds (for the inverse).
     """
-    x, y = _undistort(
-        (column - cam[2]) / cam[0], (row - cam[3]) / cam[1], cam[4], cam[5], cam[6], cam[7]
-    )
+    x, y = _undistort((column - cam[2]) / cam[0], (row - cam[3]) / cam[1], cam[4], cam[5], cam[6], cam[7])
     norm = np.sqrt(x * x + y * y + 1.0)
     dx = (x * cam[11] + y * cam[14] + cam[17]) / norm
     dy = (x * cam[12] + y * cam[15] + cam[18]) / norm
@@ -114,9 +113,9 @@ def trace_pixel(column, row, cam, prism, face):
     return ox, oy, oz, dx, dy, dz, side
 
 
-@njit(cache=True, parallel=True)
-def _trace_many(pixels, cam, prism, origin, direction, side):
-    for i in prange(pixels.shape[0]):
+@njit(cache=True, nogil=True)
+def _trace_many(first, last, pixels, cam, prism, origin, direction, side):
+    for i in range(first, last):
         ox, oy, oz, dx, dy, dz, s = trace_pixel(pixels[i, 0], pixels[i, 1], cam, prism, 0)
         origin[i, 0], origin[i, 1], origin[i, 2] = ox, oy, oz
         direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
@@ -133,7 +132,8 @@ def trace_pixels(camera: CameraOptics, prism: Biprism | None, pixels_px: FloatAr
     pixels = np.ascontiguousarray(pixels_px, np.float64).reshape(-1, 2)
     origin, direction = np.empty((len(pixels), 3)), np.empty((len(pixels), 3))
     side = np.empty(len(pixels), np.int8)
-    _trace_many(pixels, camera.packed(), pack_prism(prism), origin, direction, side)
+    cam, glass = camera.packed(), pack_prism(prism)
+    run_in_bands(len(pixels), lambda first, last: _trace_many(first, last, pixels, cam, glass, origin, direction, side))
     return Rays(origin, direction, side)
 
 
@@ -168,9 +168,9 @@ def project_point(point, column, row, cam, prism, face):
     return column, row
 
 
-@njit(cache=True, parallel=True)
-def _project_many(points, start, cam, prism, face, out):
-    for i in prange(points.shape[0]):
+@njit(cache=True, nogil=True)
+def _project_many(first, last, points, start, cam, prism, face, out):
+    for i in range(first, last):
         column, row = project_point(points[i], start[i, 0], start[i, 1], cam, prism, face)
         out[i, 0], out[i, 1] = np.nan, np.nan
         if not np.isnan(column) and trace_pixel(column, row, cam, prism, 0)[6] == face:
@@ -188,10 +188,11 @@ def project(camera: CameraOptics, prism: Biprism | None, points_mm: FloatArray, 
     scale = camera.focal_length_mm / camera.pixel_size_mm
     start = local[:, :2] / local[:, 2:3] * scale + np.asarray(camera.principal_px)
     out = np.empty((len(points), 2))
+    cam, glass = camera.packed(), _NO_PRISM if side == DIRECT else pack_prism(prism)
+    run_in_bands(
+        len(points), lambda first, last: _project_many(first, last, points, start, cam, glass, side, out), small=512
+    )
     if side == DIRECT:
-        _project_many(points, start, camera.packed(), _NO_PRISM, DIRECT, out)
         hidden = trace_pixels(camera, prism, np.nan_to_num(out)).side != DIRECT
         out[hidden] = np.nan
-    else:
-        _project_many(points, start, camera.packed(), pack_prism(prism), side, out)
     return out
