@@ -1,16 +1,38 @@
-"""Render the object on the stage, sharp and noise-free."""
+"""Render the object on the stage, sharp and noise-free; and tell which material point a ray meets."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.twin.bands import run_in_bands
 from drivers.twin.cube import cube_arguments, render_cube_rows
-from drivers.twin.optics import Biprism, CameraOptics
+from drivers.twin.light import pack_light
+from drivers.twin.membrane import Membrane
+from drivers.twin.optics import Biprism, CameraOptics, FloatArray
 from drivers.twin.options import TwinOptions
 from drivers.twin.placement import RigState, object_pose
 from drivers.twin.sensor import FloatImage
-from drivers.twin.trace import pack_prism
+from drivers.twin.speckle import speckle_coefficients
+from drivers.twin.speckled import hit_many, pack_body, render_body_rows
+from drivers.twin.sphere import sphere_points
+from drivers.twin.trace import Rays, pack_prism
+
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """Where rays meet the speckled body; NaN where they miss it.
+
+    ``material_mm`` ``(N, 2)``: the material point (on the flat membrane, x' and y'; on the sphere, arc length from the
+    front pole along x and z); it keeps its speckle. ``xyz_mm`` ``(N, 3)``: its place in the world. ``speckled`` ``(N,)``:
+    whether it is speckled surface (not the membrane's clamping ring).
+    """
+
+    material_mm: FloatArray
+    xyz_mm: FloatArray
+    speckled: NDArray[np.bool_]
 
 
 def render_scene(options: TwinOptions, camera: CameraOptics, prism: Biprism | None, state: RigState) -> FloatImage:
@@ -20,4 +42,45 @@ def render_scene(options: TwinOptions, camera: CameraOptics, prism: Biprism | No
     if state.scene == "cube":
         pose, cube, light = cube_arguments(options, object_pose(options, state))
         run_in_bands(len(out), lambda a, b: render_cube_rows(a, b, cam, glass, pose, cube, light, out), small=64)
+    elif state.scene in ("sphere", "membrane"):
+        speckle = options.sphere.speckle if state.scene == "sphere" else options.membrane.speckle
+        body, table = pack_body(options, state.pressure_kpa, state.scene)
+        pose, light = object_pose(options, state).packed(), pack_light(options.light)
+        paint = speckle_coefficients(speckle)
+        nodes, weights = np.polynomial.legendre.leggauss(speckle.samples)
+        nodes, weights = nodes / 2.0, weights / 2.0
+        run_in_bands(
+            len(out),
+            lambda a, b: render_body_rows(a, b, nodes, weights, cam, glass, pose, body, table, paint, light, out),
+            small=64,
+        )
     return out
+
+
+def meet_surface(options: TwinOptions, rays: Rays, state: RigState) -> SurfacePoints:
+    """Where rays first meet the speckled body of the scene. Raises `ValueError` when there is none."""
+    if state.scene not in ("sphere", "membrane"):
+        raise ValueError(f"the scene {state.scene!r} has no speckled surface; place a sphere or the membrane")
+    count = len(rays.side)
+    body, table = pack_body(options, state.pressure_kpa, state.scene)
+    pose = object_pose(options, state).packed()
+    what, material, place = np.zeros(count, np.int64), np.empty((count, 2)), np.empty((count, 3))
+    run_in_bands(
+        count,
+        lambda a, b: hit_many(a, b, rays.origin_mm, rays.direction, pose, body, table, what, material, place),
+    )
+    return SurfacePoints(material, place, what == 1)
+
+
+def surface_positions(options: TwinOptions, material_mm: FloatArray, state: RigState) -> FloatArray:
+    """World positions ``(N, 3)`` mm of material points ``(N, 2)`` mm of the scene's speckled body."""
+    material = np.asarray(material_mm, float).reshape(-1, 2)
+    pose = object_pose(options, state)
+    if state.scene == "sphere":
+        return pose.apply(sphere_points(material, options.sphere.radius_mm))
+    if state.scene == "membrane":
+        polar = np.stack(
+            [np.hypot(material[:, 0], material[:, 1]), np.arctan2(material[:, 1], material[:, 0])], axis=-1
+        )
+        return pose.apply(Membrane(options.membrane).positions(polar, state.pressure_kpa))
+    raise ValueError(f"the scene {state.scene!r} has no speckled surface; place a sphere or the membrane")

@@ -13,8 +13,8 @@ from drivers.clock import Clock, HostClock
 from drivers.twin.dots import DotView, see_dots
 from drivers.twin.optics import Biprism, CameraOptics, FloatArray, look_at, rotation_xyz_deg
 from drivers.twin.options import CameraGeometry, SceneName, TwinOptions
-from drivers.twin.placement import Placement, RigState, object_pose
-from drivers.twin.scene import render_scene
+from drivers.twin.placement import Placement, Pose, RigState, object_pose
+from drivers.twin.scene import SurfacePoints, meet_surface, render_scene, surface_positions
 from drivers.twin.sensor import FloatImage, blur, digitise, vignette
 from drivers.twin.store import FrameStore
 from drivers.twin.trace import DIRECT, Rays, project, trace_pixels
@@ -147,6 +147,19 @@ class World:
             return []
         pose, prism, optics = object_pose(self.options, state), self.prism(state), self._optics[camera]
         return [see_dots(self.options, optics, prism, pose, side) for side in self.sides(camera, state)]
+
+    def object_pose(self, state: RigState | None = None) -> Pose:
+        """Where the object on the stage is: its own frame in the world (`drivers.twin.placement.nominal_pose`)."""
+        return object_pose(self.options, self._settled(state))
+
+    def surface(self, camera: CameraId, pixels_px: FloatArray, state: RigState | None = None) -> SurfacePoints:
+        """The truth about the speckled surface: which material point each pixel ``(N, 2)`` sees, and where it is."""
+        state = self._settled(state)
+        return meet_surface(self.options, self.rays(camera, pixels_px, state), state)
+
+    def surface_positions(self, material_mm: FloatArray, state: RigState | None = None) -> FloatArray:
+        """Where material points ``(N, 2)`` of the speckled surface are in a state, ``(N, 3)`` mm in the world."""
+        return surface_positions(self.options, material_mm, self._settled(state))
 
     def irradiance(self, camera: CameraId, state: RigState | None = None) -> FloatImage:
         """Noise-free image ``(H, W)``, 1 = full scale at nominal exposure; read-only, kept by state."""
