@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from drivers.clock import Clock, HostClock
 
 ENTRY_POINT_GROUP = "bscd.drivers"
-KINDS = ("camera", "axis", "pressure")
+KINDS = ("camera", "axis", "pressure", "world")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,64 @@
+"""The `bscd` command: collects the commands and turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Annotated
+
+import click
+import typer
+
+from bscd import __version__
+from bscd.errors import BscdError
+from drivers.errors import DeviceError
+
+#: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.
+COMMANDS = ("demo", "import_", "calibrate", "config", "design")
+
+DONE, FAILED, BAD_USAGE = 0, 1, 2
+
+
+def build_app() -> typer.Typer:
+    """The whole command line."""
+    app = typer.Typer(
+        name="bscd",
+        help="Measure with a biprism single-camera stereo-DIC rig.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",
+    )
+
+    @app.callback()
+    def root(
+        version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+    ) -> None:
+        if version:
+            typer.echo(f"bscd {__version__}")
+            raise typer.Exit
+
+    for name in COMMANDS:
+        importlib.import_module(f"bscd.cli.{name}").register(app)
+    return app
+
+
+def main() -> None:
+    """Run the command line; exit code 0 done, 1 failed, 2 bad usage."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command line and return its exit code; errors go to stderr, one line each."""
+    try:
+        outcome = build_app()(arguments, standalone_mode=False)
+    except click.UsageError as err:
+        err.show()
+        return BAD_USAGE
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        print("stopped", file=sys.stderr)
+        return FAILED
+    except (BscdError, DeviceError, OSError) as err:
+        print(f"error: {err}", file=sys.stderr)
+        return FAILED
+    return outcome if isinstance(outcome, int) else DONE

@@ -1,0 +1,210 @@
+"""The sections of a rig's configuration; every key has its unit in its name and its meaning in its description."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from bscd.calibration import CalibrationChoices, GridTarget, PointsTarget
+from bscd.errors import InputError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Section(BaseModel):
+    """A section of the file: frozen, and unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _odd(value: int, name: str) -> None:
+    if value % 2 == 0:
+        raise ValueError(f"{name} must be odd, so that it has a middle")
+
+
+class RigSection(Section):
+    """What this rig is called."""
+
+    name: str = Field("bscd rig", min_length=1, description="name of the rig, for reports")
+    notes: str = Field("", description="anything worth keeping with every run")
+
+
+class TargetConfig(Section):
+    """The calibration target: the cube with a dot grid, or a body with surveyed marks."""
+
+    kind: Literal["grid", "points"] = Field("grid", description="a dot grid on a cube, or a table of marks")
+    columns: int = Field(9, ge=2, le=200, description="dot columns on a face")
+    rows: int = Field(23, ge=2, le=200, description="dot rows on a face")
+    pitch_mm: Positive = Field(2.0, description="distance of neighbouring dots, mm")
+    dot_diameter_mm: Positive = Field(1.0, description="diameter of a dot, mm")
+    margin_mm: Positive = Field(2.0, description="from the cube's edge to the first dot column, mm")
+    table: str = Field("", description="kind = points: CSV file with label,x_mm,y_mm,z_mm, beside this file")
+    mark_size_mm: Positive = Field(5.0, description="kind = points: size of a mark, mm")
+
+    @model_validator(mode="after")
+    def _possible(self) -> TargetConfig:
+        if self.kind == "points" and not self.table:
+            raise ValueError('table must name a CSV file for kind = "points"')
+        if self.kind == "grid" and self.dot_diameter_mm >= 0.8 * self.pitch_mm:
+            raise ValueError(f"dot_diameter_mm must be below 0.8 pitch_mm = {0.8 * self.pitch_mm:g}, or dots touch")
+        return self
+
+    def grid(self) -> GridTarget:
+        """The cube. Raises `InputError` for a target of marks."""
+        if self.kind != "grid":
+            raise InputError('[target] kind = "points": this procedure needs the cube, kind = "grid"')
+        return GridTarget(self.columns, self.rows, self.pitch_mm, self.dot_diameter_mm, self.margin_mm)
+
+    def points(self, folder: Path) -> PointsTarget:
+        """The surveyed marks, from the table in ``folder``. Raises `InputError` for a table it can not use."""
+        path = folder / self.table
+        try:
+            rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+            xyz = np.array([[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows])
+            labels = tuple(row["label"] for row in rows)
+        except (OSError, KeyError, ValueError, TypeError) as err:
+            raise InputError(
+                f"{path}: not a table of marks with label,x_mm,y_mm,z_mm in its first line ({err})"
+            ) from err
+        if len(set(labels)) != len(labels) or len(labels) < 6 or not np.isfinite(xyz).all():
+            raise InputError(f"{path}: needs at least 6 marks with finite positions and labels of their own")
+        return PointsTarget(labels, xyz, self.mark_size_mm)
+
+
+class SphereConfig(Section):
+    """A sphere to check the measurement on."""
+
+    radius_mm: Positive = Field(18.265, description="nominal radius, mm")
+
+
+class MembraneConfig(Section):
+    """The inflated membrane."""
+
+    radius_mm: Positive = Field(15.0, description="radius of the clamped window, mm")
+
+
+class PrismConfig(Section):
+    """The biprism and the jack heights that bring it into view and out of it."""
+
+    refractive_index: float = Field(1.4585, gt=1.0, lt=3.0, description="at the light's wavelength")
+    alpha_deg: float = Field(161.4, gt=90.0, lt=180.0, description="apex angle of the roof, deg")
+    thickness_mm: Positive = Field(30.0, description="back face to roof edge, mm")
+    raised_mm: float = Field(70.0, ge=0.0, description="height of the lab jacks with the prism in view, mm")
+    lowered_mm: float = Field(5.0, ge=0.0, description="height of the lab jacks with the prism out of view, mm")
+
+    @model_validator(mode="after")
+    def _apart(self) -> PrismConfig:
+        if self.lowered_mm >= self.raised_mm:
+            raise ValueError(f"lowered_mm = {self.lowered_mm:g} must be below raised_mm = {self.raised_mm:g}")
+        return self
+
+
+class LightConfig(Section):
+    """The illumination, kept with every run."""
+
+    wavelength_nm: Positive = Field(630.0, description="centre of the filter, nm")
+    bandwidth_nm: Positive = Field(20.0, description="width of the filter, nm")
+    description: str = Field("", description="lamps and filter in words")
+
+
+class ScanConfig(Section):
+    """The calibration scans."""
+
+    positions: int = Field(17, ge=5, le=201, description="positions along y, odd: POS.0 is the middle")
+    step_mm: Positive = Field(2.0, description="distance of neighbouring positions, mm")
+    frames_per_position: int = Field(2, ge=1, le=1000, description="frames averaged at a position")
+    poses: tuple[Literal["face", "corner"], ...] = Field(
+        ("face",), description='poses that are scanned; "corner" widens the calibrated volume'
+    )
+    corner_rotation_deg: Finite = Field(45.0, description="rotation reading with the edge towards the camera, deg")
+    face_rotation_deg: Finite = Field(0.0, description="rotation reading with the right face to the camera, deg")
+    origin_mm: Finite = Field(50.0, description="translation reading at POS.0, mm")
+    settle_s: float = Field(0.2, ge=0.0, description="wait after a move before a frame, s")
+    exposure_s: Positive = Field(0.02, description="exposure of both cameras, s")
+    gain_db: Finite = Field(0.0, description="gain of both cameras, dB")
+
+    @model_validator(mode="after")
+    def _possible(self) -> ScanConfig:
+        _odd(self.positions, "positions")
+        if "face" not in self.poses:
+            raise ValueError('poses must contain "face"')
+        if abs(self.corner_rotation_deg - self.face_rotation_deg) < 1.0:
+            raise ValueError("corner_rotation_deg and face_rotation_deg must differ")
+        return self
+
+
+class CalibrationConfig(Section):
+    """How a calibration is made from the scans."""
+
+    reference: Literal["lattice", "raw"] = Field("lattice", description="source of the reference points P^T")
+    solver: Literal["projection", "smallest"] = Field("projection", description="how the image shifts are found")
+    interpolant: Literal["smooth", "linear"] = Field("smooth", description="how the maps fill the volume")
+    triangulation: Literal["optimal", "linear"] = Field("optimal", description="how points are triangulated")
+    degree: int = Field(4, ge=1, le=4, description="total degree of the smooth maps")
+
+    def choices(self) -> CalibrationChoices:
+        """The same for `bscd.calibration`."""
+        return CalibrationChoices(**self.model_dump())
+
+
+class DicConfig(Section):
+    """Digital image correlation."""
+
+    subset_px: int = Field(21, ge=5, le=201, description="edge of a subset, odd, px")
+    search_px: int = Field(41, ge=7, le=1001, description="edge of the search window, odd, px")
+    step_px: int = Field(10, ge=1, le=1000, description="distance of measured points, px")
+
+    @model_validator(mode="after")
+    def _possible(self) -> DicConfig:
+        _odd(self.subset_px, "subset_px")
+        _odd(self.search_px, "search_px")
+        if self.search_px <= self.subset_px:
+            raise ValueError(f"search_px must be above subset_px = {self.subset_px}")
+        return self
+
+
+class DeviceConfig(Section):
+    """A device: the driver's name and the options that this driver knows, validated by its own model."""
+
+    driver: str = Field(description='name in the registry, for example "camera.simulated"')
+    options: Any = Field(None, description="the driver's validated options")
+
+
+class DevicesConfig(Section):
+    """The rig's devices; leave out what the rig does not have."""
+
+    primary: DeviceConfig
+    auxiliary: DeviceConfig | None = None
+    rotation: DeviceConfig
+    translation: DeviceConfig
+    jacks: DeviceConfig
+    pressure: DeviceConfig | None = None
+
+
+class TargetFile(Section):
+    """A rig.toml beside an import's manifest: what was imaged."""
+
+    target: TargetConfig = TargetConfig()
+    sphere: SphereConfig | None = None
+    membrane: MembraneConfig | None = None
+
+
+class RigConfig(Section):
+    """The whole file."""
+
+    rig: RigSection = RigSection()
+    target: TargetConfig = TargetConfig()
+    sphere: SphereConfig = SphereConfig()
+    membrane: MembraneConfig = MembraneConfig()
+    prism: PrismConfig = PrismConfig()
+    light: LightConfig = LightConfig()
+    scan: ScanConfig = ScanConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
+    dic: DicConfig = DicConfig()
+    devices: DevicesConfig
+    twin: Any = Field(None, description="the digital twin that simulated devices see, validated by its own model")

@@ -1,0 +1,50 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bscd.cli.app import COMMANDS, run
+
+ROOT = Path(__file__).resolve().parents[2]
+BSCD = Path(sys.executable).with_name("bscd")
+
+
+def test_version_and_exit_codes():
+    done = subprocess.run([BSCD, "--version"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert done.stdout.startswith("bscd ")
+
+
+def test_good_and_bad_configuration(capsys, tmp_path):
+    assert run(["config", "check", str(ROOT / "config/twin.toml")]) == 0
+    assert "valid" in capsys.readouterr().out
+    (tmp_path / "bad.toml").write_text("[rig]\nnmae = 'x'\n")
+    assert run(["config", "check", str(tmp_path / "bad.toml")]) == 1
+    error = capsys.readouterr().err
+    assert "did you mean name?" in error
+    assert "Traceback" not in error
+
+
+def test_bad_usage(capsys):
+    assert run(["config", "check"]) == 2
+    assert run(["no-such-command"]) == 2
+    assert run(["config", "check", "--no-such-option", "x"]) == 2
+
+
+@pytest.mark.parametrize("command", [name.rstrip("_") for name in COMMANDS])
+def test_help_shows_an_example(command, capsys):
+    run([command, "--help"])
+    told = capsys.readouterr().out
+    if command == "config":  # a group: its commands show theirs
+        run(["config", "check", "--help"])
+        told = capsys.readouterr().out
+    assert f"bscd {command}" in told
+    assert "Example" in told
+
+
+def test_schema_is_json(capsys):
+    import json
+
+    assert run(["config", "schema"]) == 0
+    assert "devices" in json.loads(capsys.readouterr().out)["properties"]
