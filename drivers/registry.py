@@ -35,7 +35,7 @@ class DriverEntry:
     """One driver: what it drives, its validated options, how to build it."""
 
     kind: str
-    """"camera", "axis" or "pressure"."""
+    """"camera", "axis", "pressure", or "world" for what simulated devices share."""
     options: type[BaseModel]
     factory: Callable[[Any, DriverContext], Any]
     summary: str = ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.errors import DeviceBusyError, DeviceError, DeviceTimeoutError, OutOfLimitsError
+from drivers.errors import DeviceBusyError, DeviceError, DeviceFaultError, DeviceTimeoutError, OutOfLimitsError
 from drivers.interfaces import CameraInfo, CameraStatus, Frame, Range
 from drivers.registry import DriverContext
 from drivers.simulated.faults import Fault, Faults
@@ -71,7 +71,7 @@ class SimulatedCamera:
             width_px=optics.width_px,
             height_px=optics.height_px,
             pixel_size_mm=optics.pixel_size_mm,
-            bit_depth=8,
+            bit_depth=self._world.options.sensor.bits,
             exposure_limits_s=Range(*self._options.exposure_limits_s),
             gain_limits_db=Range(*self._options.gain_limits_db),
         )
@@ -171,9 +171,13 @@ class SimulatedCamera:
             if not wanted or Fault.NO_ANSWER in self.faults.active() or self.faults.strike(Fault.DROPPED_FRAME):
                 return None
             settings, middle_s = self._settings, self._clock.now_s()
-            data = self._world.expose(
-                self._options.camera, exposure_s=settings.exposure_s, gain_db=settings.gain_db, rng=self._rng
-            )
+            try:
+                data = self._world.expose(
+                    self._options.camera, exposure_s=settings.exposure_s, gain_db=settings.gain_db, rng=self._rng
+                )
+            except Exception as error:
+                hint = "check the twin's options"
+                raise DeviceFaultError(self.name, f"the digital twin gave no image: {error}", hint) from error
         data.setflags(write=False)
         arrived_s = max(arrival_s, self._clock.now_s())
         return Frame(data, frame_id, camera_time_ns=round(middle_s * 1e9), host_time_ns=round(arrived_s * 1e9))

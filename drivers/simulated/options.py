@@ -26,28 +26,32 @@ Interval = Annotated[tuple[Finite, Finite], AfterValidator(_ordered)]
 class _DeviceOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    seed: int = Field(0, ge=0, description="seed of this device's random errors; its name is mixed in")
-    answer_timeout_s: Positive = Field(1.0, description="how long a command waits for its answer, s")
+    seed: int = Field(default=0, ge=0, description="seed of this device's random errors; its name is mixed in")
+    answer_timeout_s: Positive = Field(default=1.0, description="how long a command waits for its answer, s")
 
 
 class _AxisOptions(_DeviceOptions):
-    homed_at_start: bool = Field(False, description="true: the position is known without homing")
-    timeout_factor: float = Field(1.5, ge=1.0, le=100.0, description="a move's time-out over its computed duration")
-    timeout_margin_s: Positive = Field(2.0, description="added to a move's time-out, s")
+    homed_at_start: bool = Field(default=False, description="true: the position is known without homing")
+    timeout_factor: float = Field(
+        default=1.5, ge=1.0, le=100.0, description="a move's time-out over its computed duration"
+    )
+    timeout_margin_s: Positive = Field(default=2.0, description="added to a move's time-out, s")
 
 
 class RotationOptions(_AxisOptions):
     """The rotation stage."""
 
-    quantity: Literal["rotation"] = Field("rotation", description="which axis of the twin this is")
-    limits_deg: Interval = Field((-180.0, 180.0), description="range of readings, deg")
-    resolution_deg: Positive = Field(0.01, description="smallest step, deg")
-    repeatability_deg: NotNegative = Field(0.002, description="one sigma of the true angle about the reading, deg")
-    speed_deg_s: Positive = Field(10.0, description="top speed, deg/s")
-    acceleration_deg_s2: Positive = Field(20.0, description="acceleration, deg/s^2")
-    homing_speed_deg_s: Positive = Field(5.0, description="speed of the search for the reference, deg/s")
-    home_deg: Finite = Field(0.0, description="where the reference switch is, deg")
-    start_deg: Finite = Field(45.0, description="where the stage stands when powered, deg")
+    quantity: Literal["rotation"] = Field(default="rotation", description="which axis of the twin this is")
+    limits_deg: Interval = Field(default=(-180.0, 180.0), description="range of readings, deg")
+    resolution_deg: Positive = Field(default=0.01, description="smallest step, deg")
+    repeatability_deg: NotNegative = Field(
+        default=0.002, description="one sigma of the true angle about the reading, deg"
+    )
+    speed_deg_s: Positive = Field(default=10.0, description="top speed, deg/s")
+    acceleration_deg_s2: Positive = Field(default=20.0, description="acceleration, deg/s^2")
+    homing_speed_deg_s: Positive = Field(default=5.0, description="speed of the search for the reference, deg/s")
+    home_deg: Finite = Field(default=0.0, description="where the reference switch is, deg")
+    start_deg: Finite = Field(default=45.0, description="where the stage stands when powered, deg")
 
     @model_validator(mode="after")
     def _inside(self) -> RotationOptions:
@@ -78,15 +82,17 @@ class RotationOptions(_AxisOptions):
 class TranslationOptions(_AxisOptions):
     """The translation stage."""
 
-    quantity: Literal["translation"] = Field("translation", description="which axis of the twin this is")
-    limits_mm: Interval = Field((0.0, 100.0), description="range of readings, mm")
-    resolution_mm: Positive = Field(0.0025, description="smallest step, mm")
-    repeatability_mm: NotNegative = Field(0.0005, description="one sigma of the true place about the reading, mm")
-    speed_mm_s: Positive = Field(5.0, description="top speed, mm/s")
-    acceleration_mm_s2: Positive = Field(20.0, description="acceleration, mm/s^2")
-    homing_speed_mm_s: Positive = Field(2.5, description="speed of the search for the reference, mm/s")
-    home_mm: Finite = Field(0.0, description="where the reference switch is, mm")
-    start_mm: Finite = Field(50.0, description="where the stage stands when powered, mm")
+    quantity: Literal["translation"] = Field(default="translation", description="which axis of the twin this is")
+    limits_mm: Interval = Field(default=(0.0, 100.0), description="range of readings, mm")
+    resolution_mm: Positive = Field(default=0.0025, description="smallest step, mm")
+    repeatability_mm: NotNegative = Field(
+        default=0.0005, description="one sigma of the true place about the reading, mm"
+    )
+    speed_mm_s: Positive = Field(default=5.0, description="top speed, mm/s")
+    acceleration_mm_s2: Positive = Field(default=20.0, description="acceleration, mm/s^2")
+    homing_speed_mm_s: Positive = Field(default=2.5, description="speed of the search for the reference, mm/s")
+    home_mm: Finite = Field(default=0.0, description="where the reference switch is, mm")
+    start_mm: Finite = Field(default=50.0, description="where the stage stands when powered, mm")
 
     @model_validator(mode="after")
     def _inside(self) -> TranslationOptions:
@@ -117,21 +123,21 @@ class TranslationOptions(_AxisOptions):
 class JackOptions(_AxisOptions):
     """The two lab jacks, one on top of the other: one axis, the sum of both heights."""
 
-    quantity: Literal["jack"] = Field("jack", description="which axis of the twin this is")
-    lower_limits_mm: Interval = Field((0.0, 42.0), description="range of the lower jack, mm")
-    upper_limits_mm: Interval = Field((0.0, 42.0), description="range of the upper jack, mm")
+    quantity: Literal["jack"] = Field(default="jack", description="which axis of the twin this is")
+    lower_limits_mm: Interval = Field(default=(0.0, 42.0), description="range of the lower jack, mm")
+    upper_limits_mm: Interval = Field(default=(0.0, 42.0), description="range of the upper jack, mm")
     lower_share: float = Field(
-        0.5,
+        default=0.5,
         ge=0.0,
         le=1.0,
         description="the lower jack's part of a height, as far as its range allows; 1: it goes first",
     )
-    resolution_mm: Positive = Field(0.01, description="smallest step of each jack, mm")
-    repeatability_mm: NotNegative = Field(0.005, description="one sigma of each jack's true height, mm")
-    speed_mm_s: Positive = Field(2.0, description="top speed of each jack, mm/s")
-    acceleration_mm_s2: Positive = Field(4.0, description="acceleration of each jack, mm/s^2")
-    homing_speed_mm_s: Positive = Field(2.0, description="speed of the search for the bottom switches, mm/s")
-    start_mm: Finite = Field(70.0, description="height of both together when powered, mm")
+    resolution_mm: Positive = Field(default=0.01, description="smallest step of each jack, mm")
+    repeatability_mm: NotNegative = Field(default=0.005, description="one sigma of each jack's true height, mm")
+    speed_mm_s: Positive = Field(default=2.0, description="top speed of each jack, mm/s")
+    acceleration_mm_s2: Positive = Field(default=4.0, description="acceleration of each jack, mm/s^2")
+    homing_speed_mm_s: Positive = Field(default=2.0, description="speed of the search for the bottom switches, mm/s")
+    start_mm: Finite = Field(default=70.0, description="height of both together when powered, mm")
 
     @model_validator(mode="after")
     def _inside(self) -> JackOptions:
@@ -178,15 +184,17 @@ class SimulatedAxisOptions(RootModel[Annotated[AnyAxisOptions, Field(discriminat
 class SimulatedCameraOptions(_DeviceOptions):
     """One of the rig's two cameras."""
 
-    camera: Literal["primary", "auxiliary"] = Field("primary", description="which camera of the twin this is")
-    exposure_s: Positive = Field(0.02, description="exposure when connected, s")
-    gain_db: Finite = Field(0.0, description="gain when connected, dB")
-    frame_rate_hz: Positive = Field(11.0, description="frame rate of a stream when connected, Hz")
-    exposure_limits_s: Interval = Field((1e-5, 1.0), description="range of the exposure, s")
-    gain_limits_db: Interval = Field((0.0, 24.0), description="range of the gain, dB")
-    frame_rate_limits_hz: Interval = Field((0.1, 60.0), description="range of the frame rate, Hz")
-    readout_s: NotNegative = Field(0.01, description="end of an exposure to the frame's arrival, s")
-    buffer_frames: int = Field(16, ge=1, le=1024, description="frames held for a late reader; further ones are lost")
+    camera: Literal["primary", "auxiliary"] = Field(default="primary", description="which camera of the twin this is")
+    exposure_s: Positive = Field(default=0.02, description="exposure when connected, s")
+    gain_db: Finite = Field(default=0.0, description="gain when connected, dB")
+    frame_rate_hz: Positive = Field(default=11.0, description="frame rate of a stream when connected, Hz")
+    exposure_limits_s: Interval = Field(default=(1e-5, 1.0), description="range of the exposure, s")
+    gain_limits_db: Interval = Field(default=(0.0, 24.0), description="range of the gain, dB")
+    frame_rate_limits_hz: Interval = Field(default=(0.1, 60.0), description="range of the frame rate, Hz")
+    readout_s: NotNegative = Field(default=0.01, description="end of an exposure to the frame's arrival, s")
+    buffer_frames: int = Field(
+        default=16, ge=1, le=1024, description="frames held for a late reader; further ones are lost"
+    )
 
     @model_validator(mode="after")
     def _inside(self) -> SimulatedCameraOptions:
@@ -203,11 +211,11 @@ class SimulatedCameraOptions(_DeviceOptions):
 class SimulatedPressureOptions(_DeviceOptions):
     """The pressure source: a regulator with a first-order lag, and a transducer with noise."""
 
-    limits_kpa: Interval = Field((0.0, 16.0), description="range of set-points, gauge, kPa")
-    lag_s: Positive = Field(0.5, description="time constant towards the set-point, s")
-    vent_lag_s: Positive = Field(0.2, description="time constant when vented, s")
-    noise_kpa: NotNegative = Field(0.005, description="one sigma of a reading, kPa")
-    start_kpa: Finite = Field(0.0, description="pressure when powered, gauge, kPa")
+    limits_kpa: Interval = Field(default=(0.0, 16.0), description="range of set-points, gauge, kPa")
+    lag_s: Positive = Field(default=0.5, description="time constant towards the set-point, s")
+    vent_lag_s: Positive = Field(default=0.2, description="time constant when vented, s")
+    noise_kpa: NotNegative = Field(default=0.005, description="one sigma of a reading, kPa")
+    start_kpa: Finite = Field(default=0.0, description="pressure when powered, gauge, kPa")
 
 
 def _require_inside(limits: tuple[float, float], **values: float) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.errors import NotConnectedError
 from drivers.registry import DriverContext
+from drivers.twin.options import TwinOptions
 
 CameraName = Literal["primary", "auxiliary"]
 Quantity = Literal["rotation_deg", "translation_mm", "jack_mm", "pressure_kpa"]
@@ -36,6 +37,9 @@ class SensorGeometry(Protocol):
 
 class PhysicalWorld(Protocol):
     """One physical state, shared by all devices of a rig."""
+
+    options: TwinOptions
+    """What the world was made of; cameras take the bits of a pixel from it."""
 
     def bind(self, quantity: Quantity, source: Callable[[], float]) -> None:
         """Let ``source`` say what a quantity truly is, now and whenever it is asked."""
