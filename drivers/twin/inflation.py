@@ -79,7 +79,7 @@ def _shoot(stretch, load, radius, height, radial, cosine):
         s = i * h
         r1, z1, q1, c = _slopes(s, r, q, load)
         radius[i], height[i], radial[i], cosine[i] = r, z, q, c
-        if i == steps or np.isnan(r1):
+        if i == steps or np.isnan(r1) or q < 1.0:  # too little stretch to bear the load: no shape, however it ends
             break
         r2, z2, q2, _ = _slopes(s + h / 2, r + h / 2 * r1, q + h / 2 * q1, load)
         r3, z3, q3, _ = _slopes(s + h / 2, r + h / 2 * r2, q + h / 2 * q2, load)
@@ -87,7 +87,7 @@ def _shoot(stretch, load, radius, height, radial, cosine):
         r += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4)
         z += h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
         q += h / 6 * (q1 + 2 * q2 + 2 * q3 + q4)
-    return r if i == steps and not np.isnan(r1) else np.nan
+    return r if i == steps and not np.isnan(r1) and q >= 1.0 else np.nan
 
 
 class _Shooter:
