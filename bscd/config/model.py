@@ -30,21 +30,21 @@ def _odd(value: int, name: str) -> None:
 class RigSection(Section):
     """What this rig is called."""
 
-    name: str = Field("bscd rig", min_length=1, description="name of the rig, for reports")
-    notes: str = Field("", description="anything worth keeping with every run")
+    name: str = Field(default="bscd rig", min_length=1, description="name of the rig, for reports")
+    notes: str = Field(default="", description="anything worth keeping with every run")
 
 
 class TargetConfig(Section):
     """The calibration target: the cube with a dot grid, or a body with surveyed marks."""
 
-    kind: Literal["grid", "points"] = Field("grid", description="a dot grid on a cube, or a table of marks")
-    columns: int = Field(9, ge=2, le=200, description="dot columns on a face")
-    rows: int = Field(23, ge=2, le=200, description="dot rows on a face")
-    pitch_mm: Positive = Field(2.0, description="distance of neighbouring dots, mm")
-    dot_diameter_mm: Positive = Field(1.0, description="diameter of a dot, mm")
-    margin_mm: Positive = Field(2.0, description="from the cube's edge to the first dot column, mm")
-    table: str = Field("", description="kind = points: CSV file with label,x_mm,y_mm,z_mm, beside this file")
-    mark_size_mm: Positive = Field(5.0, description="kind = points: size of a mark, mm")
+    kind: Literal["grid", "points"] = Field(default="grid", description="a dot grid on a cube, or a table of marks")
+    columns: int = Field(default=9, ge=2, le=200, description="dot columns on a face")
+    rows: int = Field(default=23, ge=2, le=200, description="dot rows on a face")
+    pitch_mm: Positive = Field(default=2.0, description="distance of neighbouring dots, mm")
+    dot_diameter_mm: Positive = Field(default=1.0, description="diameter of a dot, mm")
+    margin_mm: Positive = Field(default=2.0, description="from the cube's edge to the first dot column, mm")
+    table: str = Field(default="", description="kind = points: CSV file with label,x_mm,y_mm,z_mm, beside this file")
+    mark_size_mm: Positive = Field(default=5.0, description="kind = points: size of a mark, mm")
 
     @model_validator(mode="after")
     def _possible(self) -> TargetConfig:
@@ -79,23 +79,23 @@ class TargetConfig(Section):
 class SphereConfig(Section):
     """A sphere to check the measurement on."""
 
-    radius_mm: Positive = Field(18.265, description="nominal radius, mm")
+    radius_mm: Positive = Field(default=18.265, description="nominal radius, mm")
 
 
 class MembraneConfig(Section):
     """The inflated membrane."""
 
-    radius_mm: Positive = Field(15.0, description="radius of the clamped window, mm")
+    radius_mm: Positive = Field(default=15.0, description="radius of the clamped window, mm")
 
 
 class PrismConfig(Section):
     """The biprism and the jack heights that bring it into view and out of it."""
 
-    refractive_index: float = Field(1.4585, gt=1.0, lt=3.0, description="at the light's wavelength")
-    alpha_deg: float = Field(161.4, gt=90.0, lt=180.0, description="apex angle of the roof, deg")
-    thickness_mm: Positive = Field(30.0, description="back face to roof edge, mm")
-    raised_mm: float = Field(70.0, ge=0.0, description="height of the lab jacks with the prism in view, mm")
-    lowered_mm: float = Field(5.0, ge=0.0, description="height of the lab jacks with the prism out of view, mm")
+    refractive_index: float = Field(default=1.4585, gt=1.0, lt=3.0, description="at the light's wavelength")
+    alpha_deg: float = Field(default=161.4, gt=90.0, lt=180.0, description="apex angle of the roof, deg")
+    thickness_mm: Positive = Field(default=30.0, description="back face to roof edge, mm")
+    raised_mm: float = Field(default=70.0, ge=0.0, description="height of the lab jacks with the prism in view, mm")
+    lowered_mm: float = Field(default=5.0, ge=0.0, description="height of the lab jacks with the prism out of view, mm")
 
     @model_validator(mode="after")
     def _apart(self) -> PrismConfig:
@@ -107,26 +107,30 @@ class PrismConfig(Section):
 class LightConfig(Section):
     """The illumination, kept with every run."""
 
-    wavelength_nm: Positive = Field(630.0, description="centre of the filter, nm")
-    bandwidth_nm: Positive = Field(20.0, description="width of the filter, nm")
-    description: str = Field("", description="lamps and filter in words")
+    wavelength_nm: Positive = Field(default=630.0, description="centre of the filter, nm")
+    bandwidth_nm: Positive = Field(default=20.0, description="width of the filter, nm")
+    description: str = Field(default="", description="lamps and filter in words")
 
 
 class ScanConfig(Section):
     """The calibration scans."""
 
-    positions: int = Field(17, ge=5, le=201, description="positions along y, odd: POS.0 is the middle")
-    step_mm: Positive = Field(2.0, description="distance of neighbouring positions, mm")
-    frames_per_position: int = Field(2, ge=1, le=1000, description="frames averaged at a position")
+    positions: int = Field(default=17, ge=5, le=201, description="positions along y, odd: POS.0 is the middle")
+    step_mm: Positive = Field(default=2.0, description="distance of neighbouring positions, mm")
+    frames_per_position: int = Field(default=2, ge=1, le=1000, description="frames averaged at a position")
     poses: tuple[Literal["face", "corner"], ...] = Field(
-        ("face",), description='poses that are scanned; "corner" widens the calibrated volume'
+        default=("face",), description='poses that are scanned; "corner" widens the calibrated volume'
     )
-    corner_rotation_deg: Finite = Field(45.0, description="rotation reading with the edge towards the camera, deg")
-    face_rotation_deg: Finite = Field(0.0, description="rotation reading with the right face to the camera, deg")
-    origin_mm: Finite = Field(50.0, description="translation reading at POS.0, mm")
-    settle_s: float = Field(0.2, ge=0.0, description="wait after a move before a frame, s")
-    exposure_s: Positive = Field(0.02, description="exposure of both cameras, s")
-    gain_db: Finite = Field(0.0, description="gain of both cameras, dB")
+    corner_rotation_deg: Finite = Field(
+        default=45.0, description="rotation reading with the edge towards the camera, deg"
+    )
+    face_rotation_deg: Finite = Field(
+        default=0.0, description="rotation reading with the right face to the camera, deg"
+    )
+    origin_mm: Finite = Field(default=50.0, description="translation reading at POS.0, mm")
+    settle_s: float = Field(default=0.2, ge=0.0, description="wait after a move before a frame, s")
+    exposure_s: Positive = Field(default=0.02, description="exposure of both cameras, s")
+    gain_db: Finite = Field(default=0.0, description="gain of both cameras, dB")
 
     @model_validator(mode="after")
     def _possible(self) -> ScanConfig:
@@ -141,11 +145,13 @@ class ScanConfig(Section):
 class CalibrationConfig(Section):
     """How a calibration is made from the scans."""
 
-    reference: Literal["lattice", "raw"] = Field("lattice", description="source of the reference points P^T")
-    solver: Literal["projection", "smallest"] = Field("projection", description="how the image shifts are found")
-    interpolant: Literal["smooth", "linear"] = Field("smooth", description="how the maps fill the volume")
-    triangulation: Literal["optimal", "linear"] = Field("optimal", description="how points are triangulated")
-    degree: int = Field(4, ge=1, le=4, description="total degree of the smooth maps")
+    reference: Literal["lattice", "raw"] = Field(default="lattice", description="source of the reference points P^T")
+    solver: Literal["projection", "smallest"] = Field(
+        default="projection", description="how the image shifts are found"
+    )
+    interpolant: Literal["smooth", "linear"] = Field(default="smooth", description="how the maps fill the volume")
+    triangulation: Literal["optimal", "linear"] = Field(default="optimal", description="how points are triangulated")
+    degree: int = Field(default=4, ge=1, le=4, description="total degree of the smooth maps")
 
     def choices(self) -> CalibrationChoices:
         """The same for `bscd.calibration`."""
@@ -155,9 +161,9 @@ class CalibrationConfig(Section):
 class DicConfig(Section):
     """Digital image correlation."""
 
-    subset_px: int = Field(21, ge=5, le=201, description="edge of a subset, odd, px")
-    search_px: int = Field(41, ge=7, le=1001, description="edge of the search window, odd, px")
-    step_px: int = Field(10, ge=1, le=1000, description="distance of measured points, px")
+    subset_px: int = Field(default=21, ge=5, le=201, description="edge of a subset, odd, px")
+    search_px: int = Field(default=41, ge=7, le=1001, description="edge of the search window, odd, px")
+    step_px: int = Field(default=10, ge=1, le=1000, description="distance of measured points, px")
 
     @model_validator(mode="after")
     def _possible(self) -> DicConfig:
@@ -172,7 +178,7 @@ class DeviceConfig(Section):
     """A device: the driver's name and the options that this driver knows, validated by its own model."""
 
     driver: str = Field(description='name in the registry, for example "camera.simulated"')
-    options: Any = Field(None, description="the driver's validated options")
+    options: Any = Field(default=None, description="the driver's validated options")
 
 
 class DevicesConfig(Section):
@@ -207,4 +213,6 @@ class RigConfig(Section):
     calibration: CalibrationConfig = CalibrationConfig()
     dic: DicConfig = DicConfig()
     devices: DevicesConfig
-    twin: Any = Field(None, description="the digital twin that simulated devices see, validated by its own model")
+    twin: Any = Field(
+        default=None, description="the digital twin that simulated devices see, validated by its own model"
+    )

@@ -1,5 +1,7 @@
 """The calibration against the exact rays: the paper's figures, the floor, the reported uncertainty."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -56,7 +58,7 @@ def test_the_lattice_reaches_the_floor_in_each_third_of_the_depth(noise_px, pose
     error, floor, _, truth = second(rig, make(rig, poses=poses), repeats=4)
     assert mean_distance(error) <= 1.1 * mean_distance(floor)
     edges = np.quantile(truth[:, 1], [0, 1 / 3, 2 / 3, 1])
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         third = (truth[:, 1] >= low) & (truth[:, 1] <= high)
         assert mean_distance(error[third]) <= 1.1 * mean_distance(floor[third])
         assert mean_distance(error[third]) <= 0.015

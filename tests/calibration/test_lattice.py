@@ -53,7 +53,7 @@ def test_standard_error_is_free_of_the_pose_and_the_direction():
     rig = ExactRig(noise_px=0.0)
     paired = pair_views([v for v in rig.reference() if v.pose == "face"], "primary", "auxiliary")
     true = rig.dots_mm(paired.index, 0.0, 0.0) + np.multiply.outer(paired.y_mm, rig.direction)
-    moved = Rotation.from_rotvec([0.1, -0.2, 0.3]).apply(true) + [1.0, 2.0, 3.0]
+    moved = Rotation.from_rotvec([0.1, -0.2, 0.3]).apply(true) + np.array([1.0, 2.0, 3.0])
     assert lattice_error_mm(paired, moved, rig.target).max() < 1e-9
     noise = np.random.default_rng(0).normal(0, 0.01, true.shape)
     found = lattice_error_mm(paired, moved + noise, rig.target)
