@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
-from bscd.calibration import Calibration, GridTarget, View, pair_views
+from bscd.calibration import Calibration, GridTarget, View, pair_views, with_nominal_rotation
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def validate(calibration: Calibration, views: Sequence[View], target: GridTarget
 
     Where the dots should be follows from the reference's measured axes and the views' stage readings.
     """
-    seen = pair_views(views, "left", "right")
+    seen = pair_views(with_nominal_rotation(views), "left", "right")
     expected = np.empty((len(seen.index), 3))
     for reading in np.unique(seen.rotation_deg):
         here = seen.rotation_deg == reading

@@ -7,7 +7,7 @@ from bscd.calibration.calibration import Calibration, CalibrationChoices, Contro
 from bscd.calibration.dlt import DltCamera, fit_dlt
 from bscd.calibration.lattice import Lattice, adjust_lattice
 from bscd.calibration.motion import TargetMotion
-from bscd.calibration.observations import View
+from bscd.calibration.observations import View, with_nominal_rotation
 from bscd.calibration.reference import corner_cameras, lattice_error_mm, pair_views, triangulate_pairs
 from bscd.calibration.solve import calibrate
 from bscd.calibration.target import GridTarget, PointsTarget
@@ -32,4 +32,5 @@ __all__ = [
     "pair_views",
     "triangulate",
     "triangulate_pairs",
+    "with_nominal_rotation",
 ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from bscd.arrays import FloatArray, IntArray
@@ -30,3 +32,15 @@ class View:
     index: IntArray
     xy_px: FloatArray
     sigma_px: FloatArray
+
+
+NOMINAL_ROTATION_DEG: dict[PoseName, float] = {"corner": 45.0, "face": 0.0}
+"""Rotation readings of the poses by definition (DESIGN section 2)."""
+
+
+def with_nominal_rotation(views: Sequence[View]) -> list[View]:
+    """The views, the pose's nominal rotation in place of a reading that is not known (NaN), as in an import."""
+    return [
+        replace(view, rotation_deg=NOMINAL_ROTATION_DEG[view.pose]) if math.isnan(view.rotation_deg) else view
+        for view in views
+    ]

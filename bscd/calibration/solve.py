@@ -10,7 +10,7 @@ from bscd.arrays import FloatArray
 from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints
 from bscd.calibration.lattice import Lattice, adjust_lattice
 from bscd.calibration.maps import fit_smooth_map
-from bscd.calibration.observations import View
+from bscd.calibration.observations import View, with_nominal_rotation
 from bscd.calibration.reference import Paired, corner_cameras, lattice_error_mm, pair_views, triangulate_pairs
 from bscd.calibration.shifts import solve_shifts
 from bscd.calibration.target import GridTarget
@@ -50,6 +50,7 @@ def calibrate(
         Too few positions, a missing pose, or stage readings that differ between the two scans.
     """
     chosen = choices or CalibrationChoices()
+    reference_views, bsc_views = with_nominal_rotation(reference_views), with_nominal_rotation(bsc_views)
     _check_positions(bsc_views, "biprism scan", chosen.degree)
     _check_positions(reference_views, "reference scan", 1)
     _check_stages(reference_views, bsc_views)
@@ -103,13 +104,10 @@ def calibrate(
 def lattice_points(lattice: Lattice, seen: Paired, target: GridTarget) -> FloatArray:
     """Lattice positions ``(N, 3)`` mm of paired dots at their own stage readings."""
     points = np.empty((len(seen.index), 3))
-    for reading in np.unique(seen.rotation_deg):
-        here = seen.rotation_deg == reading
-        # the two poses are adjusted as they were, whatever the last digit of the reading says
-        face = seen.face_pose[here][0]
-        nominal = lattice.motion.face_reading_deg if face else lattice.motion.corner_reading_deg
-        grid = target.points_mm(seen.index[here])
-        points[here] = lattice.motion.points_mm(grid, nominal, seen.y_mm[here])
+    motion = lattice.motion
+    for face, reading in ((True, motion.face_reading_deg), (False, motion.corner_reading_deg)):
+        here = seen.face_pose == face
+        points[here] = motion.points_mm(target.points_mm(seen.index[here]), reading, seen.y_mm[here])
     return points
 
 

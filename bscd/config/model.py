@@ -121,12 +121,8 @@ class ScanConfig(Section):
     poses: tuple[Literal["face", "corner"], ...] = Field(
         default=("face",), description='poses that are scanned; "corner" widens the calibrated volume'
     )
-    corner_rotation_deg: Finite = Field(
-        default=45.0, description="rotation reading with the edge towards the camera, deg"
-    )
-    face_rotation_deg: Finite = Field(
-        default=0.0, description="rotation reading with the right face to the camera, deg"
-    )
+    corner_rotation_deg: Finite = Field(default=45.0, description="rotation reading, edge towards the camera, deg")
+    face_rotation_deg: Finite = Field(default=0.0, description="rotation reading, right face to the camera, deg")
     origin_mm: Finite = Field(default=50.0, description="translation reading at POS.0, mm")
     settle_s: float = Field(default=0.2, ge=0.0, description="wait after a move before a frame, s")
     exposure_s: Positive = Field(default=0.02, description="exposure of both cameras, s")
@@ -146,9 +142,7 @@ class CalibrationConfig(Section):
     """How a calibration is made from the scans."""
 
     reference: Literal["lattice", "raw"] = Field(default="lattice", description="source of the reference points P^T")
-    solver: Literal["projection", "smallest"] = Field(
-        default="projection", description="how the image shifts are found"
-    )
+    solver: Literal["projection", "smallest"] = Field(default="projection", description="how image shifts are found")
     interpolant: Literal["smooth", "linear"] = Field(default="smooth", description="how the maps fill the volume")
     triangulation: Literal["optimal", "linear"] = Field(default="optimal", description="how points are triangulated")
     degree: int = Field(default=4, ge=1, le=4, description="total degree of the smooth maps")
@@ -213,6 +207,4 @@ class RigConfig(Section):
     calibration: CalibrationConfig = CalibrationConfig()
     dic: DicConfig = DicConfig()
     devices: DevicesConfig
-    twin: Any = Field(
-        default=None, description="the digital twin that simulated devices see, validated by its own model"
-    )
+    twin: Any = Field(default=None, description="the digital twin that simulated devices see")
