@@ -1,0 +1,290 @@
+"""Write a run file: one writer, readable by others all the while, every frame checksummed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import uuid
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+
+from bscd import __version__
+from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
+from bscd.acquisition.detector import DetectorWriter
+from bscd.acquisition.header import read_header
+from bscd.acquisition.index import frame_index
+from bscd.acquisition.layout import ENTRY, INSTRUMENT, RECORDING
+from bscd.acquisition.nodes import dataset_at, group_at, text_at
+from bscd.acquisition.opening import create_file, damage_reported, open_to_continue, write_failure_reported
+from bscd.acquisition.records import (
+    CAMERAS,
+    PHASES,
+    AxisMeta,
+    AxisName,
+    CameraMeta,
+    CameraName,
+    FrameRecord,
+    PressureMeta,
+    RunHeader,
+    RunState,
+)
+from bscd.acquisition.run_columns import EventWriter, PositionerWriter, PressureWriter
+from bscd.acquisition.skeleton import create_skeleton
+from bscd.errors import BscdError, InputError
+from drivers.interfaces import PressureReading
+
+
+def utc_now() -> datetime:
+    """The host's wall clock, UTC."""
+    return datetime.now(UTC)
+
+
+class RunWriter:
+    """A run file while it is recorded; a context manager.
+
+    Leaving the block closes the file: complete, or, when an exception ends it, interrupted with the exception
+    as the reason. Either way it can be read, and `reopen` goes on with an interrupted one.
+
+    Parameters
+    ----------
+    path
+        The new file; raises `InputError` when it exists.
+    title
+        What the run is, in words.
+    cameras
+        The cameras that will deliver frames; the first is what viewers show.
+    config_text, recipe_text
+        The rig's configuration (TOML) and the recipe, as they were written.
+    axes, pressure
+        What is known of the axes and of the pressure source; only those given are kept.
+    program_version, run_uuid, now
+        For tests; by default this program's, a new one, and the host's clock.
+    flush_every
+        Frames after which everything is flushed: as many are lost at most when the program is killed.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str,
+        cameras: Mapping[CameraName, CameraMeta],
+        config_text: str = "",
+        recipe_text: str = "",
+        axes: Mapping[AxisName, AxisMeta] | None = None,
+        pressure: PressureMeta | None = None,
+        program_version: str = __version__,
+        run_uuid: str | None = None,
+        flush_every: int = 1,
+        now: Callable[[], datetime] = utc_now,
+    ) -> None:
+        unknown = [name for name in cameras if name not in CAMERAS]
+        if unknown or not cameras:
+            raise ValueError(f"a run needs cameras of {CAMERAS}, not {list(cameras)}")
+        header = RunHeader(
+            title=title,
+            cameras=dict(cameras),
+            config_text=config_text,
+            recipe_text=recipe_text,
+            axes=dict(axes or {}),
+            pressure=pressure,
+            uuid=run_uuid or str(uuid.uuid4()),
+            start_time=_iso(now()),
+            program_version=program_version,
+        )
+        file = create_file(Path(path))
+        try:
+            with write_failure_reported(Path(path), "laying out the file"):
+                create_skeleton(file, header)
+                self._begin(Path(path), file, header, [], flush_every, now)
+        except BaseException:
+            file.close()
+            Path(path).unlink(missing_ok=True)
+            raise
+
+    @classmethod
+    def reopen(
+        cls, path: str | os.PathLike[str], *, flush_every: int = 1, now: Callable[[], datetime] = utc_now
+    ) -> RunWriter:
+        """Go on with an interrupted run; its frames stay as they are, byte for byte.
+
+        Raises `InputError` when the run is complete (raw data is never changed) or its writer was killed.
+        """
+        where = Path(path)
+        file = open_to_continue(where)
+        try:
+            with damage_reported(where, "reading what was recorded"):
+                state = text_at(file, f"{RECORDING}/state")
+                header = read_header(file)
+                detectors = [group_at(file, f"{INSTRUMENT}/{name}") for name in header.cameras]
+                index = frame_index(detectors)
+                digests = [dataset_at(detectors[d], "sha256")[row].decode() for d, row in index]
+            if state != RunState.INTERRUPTED:
+                why = "is complete" if state == RunState.COMPLETE else "is being written"
+                raise InputError(f"{where} {why}; record into a new file")
+            writer = cls.__new__(cls)
+            with write_failure_reported(where, "opening it again"):
+                writer._begin(where, file, header, digests, flush_every, now, index[:, 0])
+                writer.event("recording goes on")
+        except BaseException:
+            file.close()
+            raise
+        return writer
+
+    def _begin(
+        self,
+        path: Path,
+        file: h5py.File,
+        header: RunHeader,
+        digests: list[str],
+        flush_every: int,
+        now: Callable[[], datetime],
+        detector_of_frame: np.ndarray | None = None,
+    ) -> None:
+        instrument = group_at(file, INSTRUMENT)
+        seen = np.zeros(0, np.int64) if detector_of_frame is None else detector_of_frame
+        self.path = path
+        self.header = header
+        self._file = file
+        self._now = now
+        self._flush_every = flush_every
+        self._digests = digests
+        self._committed = len(digests)
+        self._detectors = {
+            name: DetectorWriter(group_at(instrument, name), meta, int(np.count_nonzero(seen == number)))
+            for number, (name, meta) in enumerate(header.cameras.items())
+        }
+        self._positioners = {
+            name: PositionerWriter(group_at(instrument, name), name, meta, len(digests))
+            for name, meta in header.axes.items()
+        }
+        self._pressure = None if header.pressure is None else PressureWriter(file, len(digests))
+        self._events = EventWriter(group_at(file, RECORDING))
+        file.swmr_mode = True
+        self._put(f"{RECORDING}/state", RunState.RECORDING.value)
+        self._put(f"{RECORDING}/reason", "")
+        self._put(f"{RECORDING}/sha256", "")
+        file.flush()
+
+    @property
+    def uuid(self) -> str:
+        """The run's uuid."""
+        return self.header.uuid
+
+    @property
+    def frames_written(self) -> int:
+        """Frames appended so far, over all cameras, earlier recordings of this run among them."""
+        return len(self._digests)
+
+    def append(self, record: FrameRecord) -> None:
+        """Write one frame; raises `InputError` for one that does not fit the run, `BscdError` when writing fails."""
+        self._check_open()
+        if record.phase not in PHASES:
+            raise InputError(f"{self.path}: no phase {record.phase!r}; there are {', '.join(PHASES)}")
+        if record.camera not in self._detectors:
+            known = ", ".join(self._detectors)
+            raise InputError(f"{self.path}: a frame of the {record.camera} camera, the run was begun with {known}")
+        detector = self._detectors[record.camera]
+        if why := detector.misfit(record):
+            raise InputError(f"{self.path}: frame {record.frame_id} of the {record.camera} camera does not fit, {why}")
+        digest = frame_sha256(record)
+        with write_failure_reported(self.path, f"writing frame {len(self._digests)}"):
+            detector.append(record, len(self._digests), digest)
+        for positioner in self._positioners.values():
+            positioner.append(record)
+        if self._pressure is not None:
+            self._pressure.append(record)
+        self._digests.append(digest)
+        if len(self._digests) - self._committed >= self._flush_every:
+            self.flush()
+
+    def set_target(self, axis: AxisName, target: float) -> None:
+        """Where an axis was sent, in its own readings; kept with the frames that follow."""
+        self._positioners[axis].target = target
+
+    def log_pressure(self, reading: PressureReading) -> None:
+        """Add a reading to the pressure log; from it the pressure at each frame is interpolated."""
+        if self._pressure is None:
+            raise InputError(f"{self.path}: the run was begun without a pressure source")
+        self._pressure.log(reading)
+
+    def event(self, text: str) -> None:
+        """Keep a remark with the time of now."""
+        self._check_open()
+        with write_failure_reported(self.path, "writing an event"):
+            self._events.write(_iso(self._now()), text)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system; the frames so far survive the end of this program."""
+        self._check_open()
+        with write_failure_reported(self.path, "writing the frames' metadata"):
+            for detector in self._detectors.values():
+                detector.write_rows()
+            for positioner in self._positioners.values():
+                positioner.write()
+            if self._pressure is not None:
+                self._pressure.write()
+            self._put(f"{ENTRY}/end_time", _iso(self._now()))
+            self._file.flush()  # before the marks, or a crash between could leave marked frames without content
+            for detector in self._detectors.values():
+                detector.mark()
+            self._file.flush()
+        self._committed = len(self._digests)
+
+    def close(self) -> None:
+        """End the run as complete; does nothing when it has ended."""
+        self._end(RunState.COMPLETE, "")
+
+    def interrupt(self, reason: str) -> None:
+        """End the run early, as incomplete, with the reason; `reopen` can go on. Does nothing when it has ended."""
+        self._end(RunState.INTERRUPTED, reason)
+
+    def _end(self, state: RunState, reason: str) -> None:
+        if not self._file:
+            return
+        try:
+            self.flush()
+            with write_failure_reported(self.path, "closing it"):
+                if self._pressure is not None:
+                    self._pressure.interpolate()
+                log = self._pressure.readings() if self._pressure else (np.zeros(0, np.int64), np.zeros(0))
+                self._put(f"{RECORDING}/sha256", run_sha256(header_sha256(self.header), self._digests, *log))
+                self._put(f"{RECORDING}/reason", reason)
+                self._put(f"{RECORDING}/state", state.value)
+                self._file.flush()
+                os.fsync(self._file.id.get_vfd_handle())
+        finally:
+            with write_failure_reported(self.path, "closing it"):
+                self._file.close()
+
+    def __enter__(self) -> RunWriter:
+        """The writer itself; the file is open since it was made."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close, complete or interrupted."""
+        if error is None:
+            self.close()
+            return
+        with contextlib.suppress(BscdError):  # the first error is the one to report
+            self.interrupt(str(error) or type(error).__name__)
+
+    def _put(self, name: str, value: str) -> None:
+        dataset = dataset_at(self._file, name)
+        size = dataset.dtype.itemsize
+        dataset[()] = value.encode()[:size].decode("utf-8", "ignore").encode()
+
+    def _check_open(self) -> None:
+        if not self._file:
+            raise BscdError(f"{self.path}: the run has ended; begin a new one or reopen it")
+
+
+def _iso(time: datetime) -> str:
+    return time.astimezone(UTC).isoformat(timespec="milliseconds")
