@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from numba import njit
 
-from bscd.calibration.dots.findings import FloatArray, Image
+from bscd.arrays import FloatArray
+from bscd.calibration.dots.findings import Image
 from bscd.calibration.dots.pixels import eight_bits, noise_level
 
 #: (reduction, window at that reduction): blobs from about 4 to 120 px across.
@@ -39,6 +40,7 @@ class Blobs:
     depth: FloatArray
 
     def __len__(self) -> int:
+        """How many."""
         return len(self.xy_px)
 
     def keep(self, selection: np.ndarray) -> Blobs:
@@ -89,7 +91,7 @@ def _blobs_at(grey: np.ndarray, window: int, least: float, factor: int) -> Blobs
     ground = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, element)
     depth = cv2.subtract(ground, smooth)
     local = cv2.dilate(depth, np.ones((window // 2 * 2 + 1,) * 2, np.uint8))
-    mask = cv2.compare(depth, cv2.max(cv2.convertScaleAbs(local, alpha=0.5), least), cv2.CMP_GT)
+    mask = cv2.compare(depth, np.maximum(local // 2, np.uint8(min(least, 255.0))), cv2.CMP_GT)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
     sums = _moments(labels, depth, count)
     height, width = grey.shape

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from bscd.calibration.dots.findings import FloatArray, Image
+from bscd.arrays import FloatArray
+from bscd.calibration.dots.findings import Image
 from bscd.calibration.dots.pixels import full_scale
 
 _PARAMETERS = 10  # centre (2), ellipse (3), width, plane (3), contrast
@@ -48,6 +49,7 @@ class EllipseFits:
     saturated: FloatArray
 
     def __len__(self) -> int:
+        """How many."""
         return len(self.xy_px)
 
     def keep(self, selection: np.ndarray) -> EllipseFits:
@@ -181,8 +183,8 @@ def _window(image, x0, y0, p, r, s, edge, limits, top):
     """Pixels (x, y about the start; grey) in an ellipse about the dot, inside the view; how many it would have."""
     high = edge / s
     wide = edge * math.sqrt(1.0 / (p * p) + (r / (p * s)) ** 2)
-    first_row, last_row = int(math.ceil(y0 - high)), int(math.floor(y0 + high))
-    first, last = int(math.ceil(x0 - wide)), int(math.floor(x0 + wide))
+    first_row, last_row = math.ceil(y0 - high), math.floor(y0 + high)
+    first, last = math.ceil(x0 - wide), math.floor(x0 + wide)
     size = max((last_row - first_row + 1) * (last - first + 1), 0)
     pixels, values = np.empty((size, 2)), np.empty(size)
     count, wanted, saturated = 0, 0, 0
@@ -258,10 +260,11 @@ def _accumulate(pixels, values, theta, normal, right):
         length = math.sqrt(mx * mx + my * my) + 1e-12
         z = (1.0 - q) * q / (length * width)
         rim = abs(z) < _EDGE
+        coverage = 0.0
         if rim:
             coverage = 0.5 + 0.5 * math.erf(z * 0.7071067811865476)
-        else:
-            coverage = 1.0 if z > 0.0 else 0.0
+        elif z > 0.0:
+            coverage = 1.0
         light = 1.0 - c * coverage
         miss = values[k] - ground * light
         rss += miss * miss

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bscd.calibration.dots.findings import FloatArray
+from bscd.arrays import FloatArray, IntArray
 
 _DEGREES = ((4, 60), (3, 24), (2, 10), (1, 4))  # degree, dots it needs
 _REJECTION_PASSES = 3
@@ -30,7 +30,7 @@ class FaceMap:
     scale: FloatArray
     spread_px: float
 
-    def _design(self, lattice: FloatArray, across: int = 0, down: int = 0) -> FloatArray:
+    def _design(self, lattice: FloatArray | IntArray, across: int = 0, down: int = 0) -> FloatArray:
         """The monomials' derivatives of order ``across`` by the column and ``down`` by the row."""
         unit = (np.asarray(lattice, np.float64) - self.middle) / self.scale
         design = np.ones((*unit.shape[:-1], len(self.powers)))
@@ -42,20 +42,20 @@ class FaceMap:
             design *= factor * unit[..., axis, None] ** np.maximum(power - order, 0) / self.scale[axis] ** order
         return design
 
-    def pixels(self, lattice: FloatArray) -> FloatArray:
+    def pixels(self, lattice: FloatArray | IntArray) -> FloatArray:
         """Pixels ``(..., 2)`` of lattice positions ``(..., 2)`` (column, row)."""
         return self._design(lattice) @ self.terms
 
-    def jacobian(self, lattice: FloatArray) -> FloatArray:
+    def jacobian(self, lattice: FloatArray | IntArray) -> FloatArray:
         """``(..., 2, 2)`` px per pitch; [..., :, 0] along a row of dots, [..., :, 1] down a column."""
         return np.stack([self._design(lattice, 1, 0) @ self.terms, self._design(lattice, 0, 1) @ self.terms], axis=-1)
 
-    def dot_shape(self, lattice: FloatArray, radius: float) -> FloatArray:
+    def dot_shape(self, lattice: FloatArray | IntArray, radius: float) -> FloatArray:
         """Ellipses ``(..., 2, 2)`` px^2 (as `Blobs.shape`) of dots whose radius is given in pitches."""
         jacobian = self.jacobian(lattice)
         return radius**2 * jacobian @ np.swapaxes(jacobian, -1, -2)
 
-    def centre_shift(self, lattice: FloatArray, radius: float) -> FloatArray:
+    def centre_shift(self, lattice: FloatArray | IntArray, radius: float) -> FloatArray:
         """Centre of the dot's image minus image of its centre, ``(..., 2)`` px; radius in pitches.
 
         To second order the centroid of a disc's image is off by r^2/8 laplacian(q) + r^2/4 J grad(log |det J|).
@@ -71,7 +71,7 @@ class FaceMap:
         return radius**2 * ((second[0] + second[2]) / 8.0 + weighted / 4.0)
 
 
-def fit_face_map(lattice: FloatArray, xy_px: FloatArray, highest: int = 4) -> FaceMap:
+def fit_face_map(lattice: FloatArray | IntArray, xy_px: FloatArray, highest: int = 4) -> FaceMap:
     """Fit the map to dots at ``(N, 2)`` lattice positions (column, row); outliers are left out.
 
     The degree is what the dots can carry, in all and along either axis, at most ``highest``.
@@ -85,12 +85,18 @@ def fit_face_map(lattice: FloatArray, xy_px: FloatArray, highest: int = 4) -> Fa
     frame = FaceMap(powers, np.zeros((len(powers), 2)), middle, scale, 0.0)
     design = frame._design(lattice)
     used = np.ones(len(lattice), bool)
+    terms, spread = _solved(design, xy_px, used)
     for _ in range(_REJECTION_PASSES):
-        terms = np.linalg.lstsq(design[used], xy_px[used], rcond=None)[0]
         miss = np.linalg.norm(xy_px - design @ terms, axis=1)
-        spread = float(1.4826 * np.median(miss[used]) / 1.1774)
         better = miss < max(6.0 * spread, 1e-6)
         if (better == used).all() or better.sum() < 2 * len(powers):
             break
         used = better
+        terms, spread = _solved(design, xy_px, used)
     return FaceMap(powers, terms, middle, scale, spread)
+
+
+def _solved(design: FloatArray, xy_px: FloatArray, used: np.ndarray) -> tuple[FloatArray, float]:
+    terms = np.linalg.lstsq(design[used], xy_px[used], rcond=None)[0]
+    miss = np.linalg.norm(xy_px[used] - design[used] @ terms, axis=1)
+    return terms, float(np.median(miss) / 1.1774)  # the median of a Rayleigh distribution is 1.1774 sigma

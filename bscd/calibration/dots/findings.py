@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from bscd.arrays import FloatArray, IntArray
+
 #: A monochrome image ``(H, W)``: uint8, uint16 or float.
-Image = NDArray[np.generic]
+Image = NDArray[np.integer | np.floating]
 
 
 @dataclass(frozen=True)
@@ -93,4 +93,29 @@ class Marks:
     contrast: FloatArray
 
     def __len__(self) -> int:
+        """How many."""
         return len(self.xy_px)
+
+
+@dataclass(frozen=True)
+class MarkSeed:
+    """A mark that the operator points out: its label in the target's table and its position (column, row) px."""
+
+    label: str
+    xy_px: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class MarkFinding:
+    """The labelled marks of one view.
+
+    ``index`` ``(N,)`` are places in the target's table, ascending; ``xy_px`` ``(N, 2)``, ``sigma_px`` ``(N,)``;
+    ``missing`` the marks that were not matched; ``rms_px`` the residual of the DLT through all of them, lens
+    distortion included.
+    """
+
+    index: IntArray
+    xy_px: FloatArray
+    sigma_px: FloatArray
+    missing: tuple[MissingDot, ...]
+    rms_px: float

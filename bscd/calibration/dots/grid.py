@@ -6,19 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bscd.arrays import FloatArray, IntArray
 from bscd.calibration.dots.candidates import Blobs, find_blobs
 from bscd.calibration.dots.ellipse import EllipseFits, fit_ellipses
 from bscd.calibration.dots.ends import find_ends
 from bscd.calibration.dots.face_map import FaceMap, fit_face_map
-from bscd.calibration.dots.findings import (
-    FloatArray,
-    GridFinding,
-    Image,
-    IntArray,
-    MissingDot,
-    Seed,
-    SplitRegion,
-)
+from bscd.calibration.dots.findings import GridFinding, Image, MissingDot, Seed, SplitRegion
 from bscd.calibration.dots.labelling import LabelledPatch, label
 from bscd.calibration.dots.patches import find_patches
 from bscd.calibration.dots.pixels import checked, full_scale
@@ -84,7 +77,7 @@ def find_grid(
 def _blobs_in(image: Image, view: View2D) -> Blobs:
     first, last = view.columns
     blobs = find_blobs(image[:, first : last + 1])
-    xy = blobs.xy_px + [first, 0.0]
+    xy = blobs.xy_px + np.array([first, 0.0])
     inside = view.contains(xy) & (blobs.roundness > _ROUND_ENOUGH)
     return Blobs(xy, blobs.shape, blobs.area_px, blobs.roundness, blobs.depth).keep(inside)
 

@@ -12,10 +12,11 @@ from itertools import product
 
 import numpy as np
 
+from bscd.arrays import FloatArray, IntArray
 from bscd.calibration.dlt import fit_dlt
 from bscd.calibration.dots.candidates import Blobs
 from bscd.calibration.dots.ends import Ends
-from bscd.calibration.dots.findings import FloatArray, IntArray, Seed
+from bscd.calibration.dots.findings import Seed
 from bscd.calibration.dots.patches import Patch
 from bscd.calibration.observations import PoseName
 from bscd.calibration.target import GridTarget

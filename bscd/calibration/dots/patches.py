@@ -11,11 +11,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
+from bscd.arrays import FloatArray, IntArray
 from bscd.calibration.dots.candidates import Blobs
 from bscd.calibration.dots.face_map import FaceMap, fit_face_map
-from bscd.calibration.dots.findings import FloatArray, IntArray
 
 _NEIGHBOURS = 16
 _TOLERANCE = 0.25  # of the expected distance
@@ -71,10 +71,27 @@ def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
     return sorted(done, key=lambda p: -len(p.member))
 
 
+def typical_pitch(blobs: Blobs) -> float:
+    """The distance to the nearest neighbour in the dots' own radii: the median; what the lattice's pitch is.
+
+    For images whose target is not known here; with it, the ratio is known exactly.
+    """
+    if len(blobs) < _SMALLEST:
+        return 4.0
+    other = _nearest(blobs, 1)[:, 0]
+    offset = blobs.xy_px[other] - blobs.xy_px
+    return float(np.median(np.sqrt(np.einsum("ni,nij,nj->n", offset, np.linalg.inv(blobs.shape), offset))))
+
+
+def _nearest(blobs: Blobs, count: int) -> IntArray:
+    """``(N, count)`` the nearest other blobs."""
+    return np.asarray(KDTree(blobs.xy_px).query(blobs.xy_px, k=count + 1)[1], np.int64)[:, 1:]
+
+
 def _links(blobs: Blobs, pitch_per_radius: float) -> IntArray:
     """``(N, 4)`` the neighbour to the right, below, left, above; -1 for none. Mutual by construction."""
     count = min(_NEIGHBOURS, len(blobs) - 1)
-    other = cKDTree(blobs.xy_px).query(blobs.xy_px, k=count + 1)[1][:, 1:]
+    other = _nearest(blobs, count)
     offset = blobs.xy_px[other] - blobs.xy_px[:, None]
     inverse = np.linalg.inv(blobs.shape)
     own = np.sqrt(np.einsum("nki,nij,nkj->nk", offset, inverse, offset)) / pitch_per_radius
@@ -147,14 +164,14 @@ def _connected(links: IntArray) -> list[Patch]:
 
 def _filled(patch: Patch, blobs: Blobs, taken: np.ndarray) -> Patch:
     """The patch with free blobs added where its map expects dots, in holes and one step around it."""
-    tree = cKDTree(blobs.xy_px)
+    tree = KDTree(blobs.xy_px)
     member, row, column = patch.member, patch.row, patch.column
     for _ in range(4):
         lattice = np.stack([column, row], axis=-1)
         face_map = fit_face_map(lattice, blobs.xy_px[member], highest=3)
         free = _places_around(lattice)
         pixels, jacobian = face_map.pixels(free), face_map.jacobian(free)
-        near = tree.query(pixels)[1]
+        near = np.asarray(tree.query(pixels)[1], np.int64)
         inverse = np.linalg.inv(jacobian)
         off = np.linalg.norm(np.einsum("nij,nj->ni", inverse, blobs.xy_px[near] - pixels), axis=1)
         fits = (off < _MATCH) & ~taken[near] & ~np.isin(near, member)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.calibration.dots.findings import FloatArray, Image
+from bscd.arrays import FloatArray
+from bscd.calibration.dots.findings import Image
 from bscd.errors import InputError
 
 _BIT_DEPTHS = (8, 10, 12, 14, 16)

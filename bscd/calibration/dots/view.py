@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bscd.calibration.dots.findings import FloatArray, SplitRegion
+from bscd.arrays import FloatArray
+from bscd.calibration.dots.findings import SplitRegion
 from bscd.errors import InputError
 
 _GUARD_PX = 1.0  # pixels beside a line that was seen mix both halves
@@ -37,7 +38,7 @@ class View2D:
         edge = np.tile([-0.5, width - 0.5], (height, 1))
         if region is None:
             return View2D(limits, edge, width, -1, _CUT_PX)
-        line = region.split.column_at(np.arange(height))
+        line = region.split.column_at(np.arange(height, dtype=np.float64))
         if line.min() < 8 or line.max() > width - 9:
             raise InputError(f"split line: column {region.split.column_px:.0f} px is not inside the image")
         guard = _GUARD_PX if region.split.found else 0.0
