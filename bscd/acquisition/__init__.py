@@ -1,6 +1,8 @@
 """Run files: recorded, imported and read back."""
 
+from bscd.acquisition.importing import ImportProgress, ImportResult, import_folder
 from bscd.acquisition.means import FrameMean
+from bscd.acquisition.problems import ImportRefusedError, Problem
 from bscd.acquisition.reader import RunFile
 from bscd.acquisition.records import (
     AXES,
@@ -29,11 +31,16 @@ __all__ = [
     "CameraName",
     "FrameMean",
     "FrameRecord",
+    "ImportProgress",
+    "ImportRefusedError",
+    "ImportResult",
     "PhaseName",
     "PressureMeta",
+    "Problem",
     "RunEvent",
     "RunFile",
     "RunHeader",
     "RunState",
     "RunWriter",
+    "import_folder",
 ]
