@@ -17,9 +17,10 @@ _FEWEST_SEEDS = 6
 _PASSES = 12
 _NEAR = 0.35  # of the distance to the next mark, about where a mark is expected
 _OUTLIER = 6.0  # robust spreads
-_GRAZING = 0.15  # cosine of the steepest view at which a mark is looked for
+_GRAZING = 0.25  # cosine of the steepest view at which a mark is looked for
 _NEIGHBOURS = 8
 _SIZE_RATIO = 2.5
+_DISTORTION_DEGREE, _MARKS_FOR_DISTORTION = 3, 30
 
 
 def match_marks(
@@ -33,8 +34,9 @@ def match_marks(
     """Label marks of a body whose marks are surveyed.
 
     The camera (11-parameter DLT) from the seeds tells where every mark should be; the marks found there refine it,
-    until nothing changes. Marks on the body's far side are not looked for: the body is taken as convex, a mark's
-    normal from its neighbours.
+    and what lens distortion the camera leaves is fitted by a polynomial over the image, until nothing changes.
+    Marks on the body's far side are not looked for: the body is taken as convex, a mark's normal from its
+    neighbours.
 
     Parameters
     ----------
@@ -64,7 +66,10 @@ def match_marks(
     normals = _normals(points)
     pairs = fixed
     for _ in range(_PASSES):
-        found = _pairs(marks, points, normals, camera, grazing_cosine)
+        seen = np.flatnonzero(_facing(points, normals, camera) > grazing_cosine)
+        expected = camera.project(points[seen])
+        expected += _distortion(expected, camera.project(points[pairs[:, 0]]), marks.xy_px[pairs[:, 1]])
+        found = _pairs(marks, seen, expected)
         if len(found) < _FEWEST_SEEDS:
             raise CheckFailedError(
                 f"marks: only {len(found)} of {len(points)} are where the seeds say; check the seeds' labels and that "
@@ -109,12 +114,28 @@ def _facing(points: FloatArray, normals: FloatArray, camera: DltCamera) -> Float
     return np.einsum("ni,ni->n", normals, to_camera) / np.linalg.norm(to_camera, axis=1)
 
 
-def _pairs(marks: Marks, points: FloatArray, normals: FloatArray, camera: DltCamera, grazing_cosine: float) -> IntArray:
-    """``(M, 2)`` (place in the target, mark): nearest to each other, near enough, of like size, no outliers."""
-    seen = np.flatnonzero(_facing(points, normals, camera) > grazing_cosine)
+def _distortion(at_px: FloatArray, expected_px: FloatArray, seen_px: FloatArray) -> FloatArray:
+    """What the camera misses by, ``(N, 2)`` px at positions ``(N, 2)``: a polynomial through the labelled marks."""
+    if len(seen_px) < _MARKS_FOR_DISTORTION:
+        return np.zeros_like(at_px)
+    middle, scale = expected_px.mean(axis=0), np.ptp(expected_px, axis=0).max() / 2.0
+    orders = range(_DISTORTION_DEGREE + 1)
+    powers = [(i, j) for i in orders for j in orders if i + j <= _DISTORTION_DEGREE]
+
+    def design(xy_px: FloatArray) -> FloatArray:
+        x, y = ((xy_px - middle) / scale).T
+        return np.stack([x**i * y**j for i, j in powers], axis=1)
+
+    return design(at_px) @ np.linalg.lstsq(design(expected_px), seen_px - expected_px, rcond=None)[0]
+
+
+def _pairs(marks: Marks, seen: IntArray, expected: FloatArray) -> IntArray:
+    """``(M, 2)`` (place in the target, mark): nearest to each other, near enough, of like size, no outliers.
+
+    ``seen`` ``(N,)`` are the places in the target that are looked for, ``expected`` ``(N, 2)`` px where.
+    """
     if len(seen) < _FEWEST_SEEDS or len(marks) == 0:
         return np.empty((0, 2), np.int64)
-    expected = camera.project(points[seen])
     spacing = np.asarray(KDTree(expected).query(expected, k=2)[0])[:, 1]
     off, mark = (np.asarray(v) for v in KDTree(marks.xy_px).query(expected))
     back = np.asarray(KDTree(expected).query(marks.xy_px)[1])[mark]
