@@ -75,6 +75,7 @@ def calibrate(
     figures = {
         "standard_stereo_error_mean_mm": float(standard_error.mean()),
         "standard_stereo_error_std_mm": float(standard_error.std()),
+        "standard_stereo_points": float(len(standard_error)),
         "left_dlt_rms_px": virtual["left"].rms_px,
         "right_dlt_rms_px": virtual["right"].rms_px,
         "primary_dlt_rms_px": pair["primary"].rms_px,
