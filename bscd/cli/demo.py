@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
 
-from bscd.acquisition import RunFile
+from bscd.acquisition import PhaseName, RunFile
 from bscd.analysis.report import ReportData, RunOrigin, write_report
 from bscd.analysis.validation import ErrorFigure, Validation, compare_variants, validate
 from bscd.calibration import Calibration, View
@@ -24,6 +24,7 @@ from bscd.config import RigConfig, parse_config
 from bscd.errors import InputError
 from bscd.procedures import Rig, ScanRecipe, calibrate_runs, home, observe, record_scan, record_validation
 from drivers.clock import VirtualClock
+from drivers.interfaces import Camera
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
 _MARKER = ".bscd-demo"
@@ -123,7 +124,7 @@ def _rig(config: RigConfig, clock: VirtualClock, world: Any) -> tuple[Rig, Witne
     devices = build_devices(config, clock, world)
     witness = WitnessedCamera(devices.pop("primary"), world)
     rig = Rig(
-        primary=witness,
+        primary=cast(Camera, witness),
         **devices,
         clock=clock,
         origin_mm=config.scan.origin_mm,
@@ -231,7 +232,7 @@ def _image_size(path: Path) -> tuple[int, int]:
 
 def _examples(out: Path) -> dict[str, Any]:
     """One image of each kind, 8-bit."""
-    wanted = {
+    wanted: dict[str, tuple[str, PhaseName]] = {
         "corner at POS.0 through the biprism": ("bsc.h5", "bsc-corner"),
         "face through the biprism": ("bsc.h5", "bsc-face"),
         "corner at POS.0 without it": ("reference.h5", "reference-corner"),

@@ -23,10 +23,8 @@ def following(title: str, unit: str = "positions") -> Iterator[ProgressCallback]
             nonlocal step, done, total
             if step is None or now.total != total or now.done < done:
                 shown.close()
-                part = now.doing.partition(":")[0] if ":" in now.doing else title
-                step = shown.enter_context(
-                    progress(part if step is not None or ":" in now.doing else title, now.total, unit)
-                )
+                name, _, rest = now.doing.partition(": ")
+                step = shown.enter_context(progress(f"{title}, {name}" if rest else title, now.total, unit))
                 done, total = 0, now.total
             step(now.done - done, now.doing.rpartition(": ")[2])
             done = now.done
