@@ -29,6 +29,7 @@ _SIZE_TOLERANCE = 0.35
 _SATURATED_WARNING = 0.01
 _CONTRAST_WARNING = 0.08
 _TOO_FEW = 10
+_PALE = 0.45  # of the usual depth below the surroundings
 
 
 def find_grid(
@@ -64,6 +65,8 @@ def find_grid(
     view = View2D.of(image.shape, region)
     radius = target.dot_diameter_mm / 2.0 / target.pitch_mm
     blobs = _blobs_in(image, view)
+    if pose == "face":  # the other face's dots, smeared at grazing incidence, could pass for one more column
+        blobs = blobs.keep(blobs.depth > _PALE * np.median(blobs.depth)) if len(blobs) else blobs
     patches = [p for p in find_patches(blobs, 1.0 / radius) if len(p.member) >= _TOO_FEW]
     maps = [fit_face_map(p.lattice, blobs.xy_px[p.member], 3) for p in patches]
     ends = [find_ends(image, view.limits_px, p, blobs, m, target) for p, m in zip(patches, maps, strict=True)]
