@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from bscd.config.agreement import disagreements
 from bscd.config.model import DeviceConfig, RigConfig, TargetFile
 from bscd.config.problems import closest, sentences
 from bscd.errors import InputError
@@ -45,7 +47,7 @@ def parse_config(text: str, name: str = "configuration") -> RigConfig:
     except ValidationError as err:
         problems += sentences(err, RigConfig)
     if config is not None and not problems:
-        problems += _missing_world(config)
+        problems += disagreements(config)
     _refuse(name, problems)
     assert config is not None  # noqa: S101  (no problems: it was validated)
     return config
@@ -118,10 +120,13 @@ def _parse(text: str, name: str) -> dict[str, Any]:
 def _device(key: str, value: Any, registry: Registry, problems: list[str]) -> Any:
     """A device's section with its options validated by the driver's own model."""
     kind = DEVICE_KINDS.get(key)
-    if kind is None or not isinstance(value, dict) or "driver" not in value:
+    if kind is None or not isinstance(value, dict):
         return value  # the model says what is wrong
-    name = value["driver"]
     allowed = [other for other, entry in registry.items() if entry.kind == kind]
+    if "driver" not in value:
+        problems.append(f"[devices.{key}] driver: is missing; known: {', '.join(sorted(allowed))}")
+        return DeviceConfig(driver="")
+    name = value["driver"]
     if name not in allowed:
         guess = closest(str(name), allowed)
         hint = f"did you mean {guess}?" if guess else f"known: {', '.join(sorted(allowed))}"
@@ -132,18 +137,11 @@ def _device(key: str, value: Any, registry: Registry, problems: list[str]) -> An
 
 
 def _validated(entry: DriverEntry, raw: Any, section: str, problems: list[str]) -> BaseModel | None:
-    try:
-        return entry.options.model_validate(raw)
+    try:  # as JSON: strict there refuses "2" and true for a number, but takes a list for a tuple
+        return entry.options.model_validate_json(json.dumps(raw, default=str), strict=True)
     except ValidationError as err:
         problems += sentences(err, entry.options, section)
         return None
-
-
-def _missing_world(config: RigConfig) -> list[str]:
-    used = [key for key in DEVICE_KINDS if (device := getattr(config.devices, key)) and ".simulated" in device.driver]
-    if used and config.twin is None:
-        return [f"[devices.{used[0]}] is simulated, but there is no [twin] section for it to see; add one"]
-    return []
 
 
 def _refuse(name: str, problems: list[str]) -> None:

@@ -14,12 +14,13 @@ from bscd.errors import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
-    """A section of the file: frozen, and unknown keys are errors."""
+    """A section of the file: frozen; unknown keys, and text or true for a number, are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 def _odd(value: int, name: str) -> None:
@@ -94,8 +95,8 @@ class PrismConfig(Section):
     refractive_index: float = Field(default=1.4585, gt=1.0, lt=3.0, description="at the light's wavelength")
     alpha_deg: float = Field(default=161.4, gt=90.0, lt=180.0, description="apex angle of the roof, deg")
     thickness_mm: Positive = Field(default=30.0, description="back face to roof edge, mm")
-    raised_mm: float = Field(default=70.0, ge=0.0, description="height of the lab jacks with the prism in view, mm")
-    lowered_mm: float = Field(default=5.0, ge=0.0, description="height of the lab jacks with the prism out of view, mm")
+    raised_mm: NotNegative = Field(default=70.0, description="height of the lab jacks, prism in view, mm")
+    lowered_mm: NotNegative = Field(default=5.0, description="height of the lab jacks, prism out of view, mm")
 
     @model_validator(mode="after")
     def _apart(self) -> PrismConfig:
@@ -119,20 +120,20 @@ class ScanConfig(Section):
     step_mm: Positive = Field(default=2.0, description="distance of neighbouring positions, mm")
     frames_per_position: int = Field(default=2, ge=1, le=1000, description="frames averaged at a position")
     poses: tuple[Literal["face", "corner"], ...] = Field(
-        default=("face",), description='poses that are scanned; "corner" widens the calibrated volume'
+        default=("face",), strict=False, description='poses that are scanned; "corner" widens the calibrated volume'
     )
     corner_rotation_deg: Finite = Field(default=45.0, description="rotation reading, edge towards the camera, deg")
     face_rotation_deg: Finite = Field(default=0.0, description="rotation reading, right face to the camera, deg")
     origin_mm: Finite = Field(default=50.0, description="translation reading at POS.0, mm")
-    settle_s: float = Field(default=0.2, ge=0.0, description="wait after a move before a frame, s")
+    settle_s: NotNegative = Field(default=0.2, description="wait after a move before a frame, s")
     exposure_s: Positive = Field(default=0.02, description="exposure of both cameras, s")
     gain_db: Finite = Field(default=0.0, description="gain of both cameras, dB")
 
     @model_validator(mode="after")
     def _possible(self) -> ScanConfig:
         _odd(self.positions, "positions")
-        if "face" not in self.poses:
-            raise ValueError('poses must contain "face"')
+        if sorted(self.poses) not in (["face"], ["corner", "face"]):
+            raise ValueError('poses must be ["face"] or ["face", "corner"]')
         if abs(self.corner_rotation_deg - self.face_rotation_deg) < 1.0:
             raise ValueError("corner_rotation_deg and face_rotation_deg must differ")
         return self

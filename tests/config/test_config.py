@@ -35,12 +35,12 @@ def test_the_example_explains_every_key():
 
 BAD = [
     ("pitch_mm = 2.0", "pitch_cm = 0.2", "target.pitch_cm: unknown key; did you mean pitch_mm?"),
-    ("alpha_deg = 161.4", "alpha_deg = 80", "prism.alpha_deg = 80: must be greater than 90"),
-    ("alpha_deg = 161.4", "alpha_deg = 180", "prism.alpha_deg = 180: must be less than 180"),
+    ("alpha_deg = 161.4", "alpha_deg = 80", "prism.alpha_deg = 80: must be above 90 and below 180"),
+    ("alpha_deg = 161.4", "alpha_deg = 180", "prism.alpha_deg = 180: must be above 90 and below 180"),
     ("subset_px = 21", "subset_px = 20", "dic: subset_px must be odd"),
     ("search_px = 41", "search_px = 21", "dic: search_px must be above subset_px = 21"),
     ("positions = 17", "positions = 16", "scan: positions must be odd"),
-    ("pitch_mm = 2.0", 'pitch_mm = "two"', "target.pitch_mm = 'two': must be a valid number"),
+    ("pitch_mm = 2.0", 'pitch_mm = "two"', "target.pitch_mm = 'two': must be a number, above 0"),
     ("pitch_mm = 2.0", "pitch_mm = nan", "target.pitch_mm = nan: must be"),
     ("raised_mm = 70.0", "raised_mm = 2.0", "prism: lowered_mm = 5 must be below raised_mm = 2"),
     ('quantity = "rotation"', 'quantity = "spin"', "[devices.rotation] quantity = 'spin': must be one of 'rotation'"),
@@ -60,6 +60,55 @@ BAD = [
         "[devices.primary] driver = 'camera.simulatd': no such camera driver; did you mean camera.simulated?",
     ),
     ("level = 0.7", "levle = 0.7", "[twin] light.levle: unknown key; did you mean level?"),
+    ("pitch_mm = 2.0", 'pitch_mm = "2.0"', "target.pitch_mm = '2.0': must be a number, above 0"),
+    ("positions = 17", "positions = true", "scan.positions = true: must be a whole number, at least 5 and at most 201"),
+    ("positions = 17", "positions = 9.5", "scan.positions = 9.5: must be a whole number, at least 5 and at most 201"),
+    ("settle_s = 0.2", "settle_s = inf", "scan.settle_s = inf: must be a finite number, at least 0"),
+    ('poses = ["face"]', 'poses = "face"', "scan.poses = 'face': must be a list in [ ]"),
+    ('poses = ["face"]', 'poses = ["face", "face"]', 'scan: poses must be ["face"] or ["face", "corner"]'),
+    ('solver = "projection"', 'solver = "best"', "calibration.solver = 'best': must be 'projection' or 'smallest'"),
+    ("step_px = 10", "colour = 10", "dic.colour: unknown key; allowed: subset_px, search_px, step_px"),
+    ('quantity = "jack"\n', "", "[devices.jacks] quantity: is missing; must be one of 'rotation'"),
+    ('driver = "camera.simulated"\n', "", "[devices.primary] driver: is missing; known: camera.simulated"),
+    (
+        'quantity = "translation"',
+        'quantity = "translation"\nlimits_deg = [0, 90]',
+        "[devices.translation] limits_deg: unknown key; did you mean limits_mm?",
+    ),
+    (
+        'driver = "camera.simulated"',
+        'driver = "camera.simulated"\nexposure_s = "0.01"',
+        "[devices.primary] exposure_s = '0.01': must be a number, above 0",
+    ),
+    ("edge_mm = [0.0, -210.0, 0.0]", "edge_mm = [0.0, -210.0]", "[twin] prism.edge_mm: has too few values"),
+    ("edge_mm = [0.0, -210.0, 0.0]", "edge_mm = [0, -210, 0, 0]", "[twin] prism.edge_mm: has 4 values; must have 3"),
+    (
+        'quantity = "translation"',
+        'quantity = "rotation"',
+        "[devices.translation] quantity = 'rotation': must be 'translation' here",
+    ),
+    (
+        'camera = "auxiliary"',
+        'camera = "primary"',
+        "[devices.auxiliary] camera = 'primary': must be 'auxiliary' here",
+    ),
+    (
+        "step_mm = 2.0",
+        "step_mm = 10.0",
+        "[scan] origin_mm, step_mm, positions: ask for -30 to 130 mm; [devices.translation] allows 0 to 100",
+    ),
+    (
+        "corner_rotation_deg = 45.0",
+        "corner_rotation_deg = 225.0",
+        "[scan] corner_rotation_deg and face_rotation_deg: ask for 0 to 225 deg; [devices.rotation] allows -180 to 180",
+    ),
+    (
+        "raised_mm = 70.0",
+        "raised_mm = 85.0",
+        "[prism] lowered_mm and raised_mm: ask for 5 to 85 mm; [devices.jacks] allows 0 to 84",
+    ),
+    ("exposure_s = 0.02", "exposure_s = 2.0", "[scan] exposure_s: ask for 2 s; [devices.primary] allows 1e-05 to 1"),
+    ("gain_db = 0.0", "gain_db = 30.0", "[scan] gain_db: ask for 30 db; [devices.auxiliary] allows 0 to 24"),
     ("[rig]", "[rigg]", "rigg: unknown key; did you mean rig?"),
     ("[devices.rotation]", "[devices.rotations]", "devices.rotation: is missing"),
 ]
@@ -79,6 +128,19 @@ def test_all_problems_are_reported_together():
     with pytest.raises(InputError) as caught:
         parse_config(text)
     assert len(str(caught.value).splitlines()) == 2
+
+
+@pytest.mark.parametrize(("good", "bad", "message"), BAD, ids=[bad for _, bad, _ in BAD])
+def test_messages_have_no_words_of_the_validator(good, bad, message):
+    with pytest.raises(InputError) as caught:
+        parse_config(TWIN.replace(good, bad, 1))
+    for word in ("input", "instance", "tuple", "dictionary", "integer", "discriminator", "literal", "pydantic"):
+        assert word not in str(caught.value).lower()
+
+
+def test_a_section_that_is_a_value():
+    with pytest.raises(InputError, match="target = 3: must be a section"):
+        parse_target("target = 3")
 
 
 def test_simulated_devices_need_a_twin():
@@ -110,7 +172,7 @@ def test_a_third_partys_driver_brings_its_own_options(monkeypatch):
     monkeypatch.setattr("drivers.registry.entry_points", lambda group: known)
     text = TWIN.replace('driver = "axis.simulated"\nquantity = "rotation"', 'driver = "axis.acme"\nport = "COM1"')
     assert parse_config(text).devices.rotation.options.port == "COM1"
-    with pytest.raises(InputError, match=r"\[devices\.rotation\] speed_deg_s = -1: must be greater than 0"):
+    with pytest.raises(InputError, match=r"\[devices\.rotation\] speed_deg_s = -1: must be above 0"):
         parse_config(text.replace('port = "COM1"', 'port = "COM1"\nspeed_deg_s = -1'))
     assert "axis.acme" in str(config_schema()["$defs"]["DevicesConfig"]["properties"]["rotation"])
 
