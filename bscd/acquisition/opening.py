@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -14,6 +16,11 @@ from bscd.errors import BscdError, InputError
 
 #: HDF5 1.10's format: the oldest that has SWMR, readable by every tool of today.
 _LIBVER = ("v110", "v110")
+
+#: HDF5's superblock (file format specification, section II.A): where its version and its consistency flags stand.
+_SIGNATURE, _VERSION, _FLAGS, _OPEN_FOR_WRITE = b"\x89HDF\r\n\x1a\n", 8, 11, 1
+
+_SYSTEM_SAID = re.compile(r"error message = '([^']+)'")
 
 
 def create_file(path: Path) -> h5py.File:
@@ -30,7 +37,7 @@ def create_file(path: Path) -> h5py.File:
 
 def open_to_continue(path: Path) -> h5py.File:
     """An existing run file, to be written on."""
-    _check_is_file(path)
+    _superblock(path)
     try:
         file = h5py.File(path, "r+", libver=_LIBVER)
     except OSError as err:
@@ -40,17 +47,27 @@ def open_to_continue(path: Path) -> h5py.File:
 
 def open_to_read(path: Path) -> h5py.File:
     """An existing run file, finished, being written, or left by a writer that crashed."""
-    _check_is_file(path)
+    left_open = _superblock(path)[_FLAGS] & _OPEN_FOR_WRITE
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", swmr=bool(left_open))
     except OSError as err:
-        if "already open for write" not in str(err):
-            raise _explained(path, err) from err
-        try:
-            file = h5py.File(path, "r", swmr=True)
-        except OSError as second:
-            raise _explained(path, second) from second
+        raise _explained(path, err) from err
     return _checked(file, path)
+
+
+def abandon(file: h5py.File) -> None:
+    """Let go of a file whose writing failed, as a crash would leave it.
+
+    HDF5 2.0 crashes the process when it closes a file that it could not write, so it is made to believe that
+    the rest goes to the disk.
+    """
+    nowhere = os.memfd_create("bscd-abandoned")
+    try:
+        os.dup2(nowhere, file.id.get_vfd_handle())
+    finally:
+        os.close(nowhere)
+    with suppress(OSError, RuntimeError):
+        file.close()
 
 
 @contextmanager
@@ -64,37 +81,42 @@ def damage_reported(path: Path, doing: str) -> Iterator[None]:
         ) from err
 
 
-@contextmanager
-def write_failure_reported(path: Path, doing: str) -> Iterator[None]:
-    """Turn HDF5's errors on writing into one sentence."""
-    try:
-        yield
-    except (OSError, RuntimeError) as err:
-        raise BscdError(
-            f"{path}: {doing} failed ({_reason(err)}); look whether the disk is full or gone. "
-            "The frames before can be read"
-        ) from err
+def write_failure(path: Path, doing: str, err: Exception) -> BscdError:
+    """HDF5's error on writing in one sentence."""
+    return BscdError(
+        f"{path}: {doing} failed ({_reason(err)}); look whether the disk is full or gone. The frames before can be read"
+    )
 
 
-def _check_is_file(path: Path) -> None:
+def _superblock(path: Path) -> bytes:
+    """The head of the file's superblock; raises `InputError` for what is no HDF5 file."""
     if path.is_dir():
         raise InputError(f"{path} is a folder, not a run file; make one of it with bscd import {path} RUN.h5")
-    if not path.exists():
-        raise InputError(f"{path} does not exist; check the name")
+    try:
+        with path.open("rb") as file:
+            head = file.read(_FLAGS + 1)
+    except FileNotFoundError as err:
+        raise InputError(f"{path} does not exist; check the name") from err
+    except OSError as err:
+        raise _explained(path, err) from err
+    if not head.startswith(_SIGNATURE) or len(head) <= _FLAGS:
+        raise InputError(f"{path} is not an HDF5 file; give a run file that bscd recorded or imported")
+    # before version 3 the byte means something else
+    return head if head[_VERSION] >= 3 else head[:_FLAGS] + b"\0"
 
 
 def _reason(err: Exception) -> str:
     """What HDF5 or the system said, on one line."""
     strerror = getattr(err, "strerror", None)
     said = str(strerror or err).replace("\n", " ").strip()
+    if system := _SYSTEM_SAID.search(said):
+        return system[1]
     inner = said[said.find("(") + 1 : said.rfind(")")] if said.endswith(")") else said
     return inner[:160] or type(err).__name__
 
 
 def _explained(path: Path, err: OSError) -> InputError:
     said = str(err)
-    if "signature not found" in said:
-        return InputError(f"{path} is not an HDF5 file; give a run file that bscd recorded or imported")
     if "truncated" in said:
         return InputError(f"{path} is cut off, it is shorter than it was; copy it again from where it was recorded")
     if "already open for write" in said:

@@ -134,7 +134,7 @@ class RunFile:
                 table["camera"][mine] = name
                 for column in COLUMNS:
                     if column.name in (_TABLE_DTYPE.names or ()):
-                        values = dataset_at(self._detectors[number], column.name)[: int(np.count_nonzero(mine))]
+                        values = dataset_at(self._detectors[number], column.name)[:][index[mine, 1]]
                         table[column.name][mine] = np.char.decode(values) if values.dtype.kind == "S" else values
         logged = interpolate_log_kpa(table["host_time_ns"], *self.pressure_log())
         table["pressure_kpa"] = np.where(np.isnan(table["pressure_kpa"]), logged, table["pressure_kpa"])

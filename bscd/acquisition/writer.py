@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -20,7 +21,7 @@ from bscd.acquisition.header import read_header
 from bscd.acquisition.index import frame_index
 from bscd.acquisition.layout import ENTRY, INSTRUMENT, RECORDING
 from bscd.acquisition.nodes import dataset_at, group_at, text_at
-from bscd.acquisition.opening import create_file, damage_reported, open_to_continue, write_failure_reported
+from bscd.acquisition.opening import abandon, create_file, damage_reported, open_to_continue, write_failure
 from bscd.acquisition.records import (
     CAMERAS,
     PHASES,
@@ -37,6 +38,9 @@ from bscd.acquisition.run_columns import EventWriter, PositionerWriter, Pressure
 from bscd.acquisition.skeleton import create_skeleton
 from bscd.errors import BscdError, InputError
 from drivers.interfaces import PressureReading
+
+#: Room that is left on the disk, enough to close the file.
+_RESERVE_BYTES = 8_000_000
 
 
 def utc_now() -> datetime:
@@ -99,13 +103,12 @@ class RunWriter:
         )
         file = create_file(Path(path))
         try:
-            with write_failure_reported(Path(path), "laying out the file"):
-                create_skeleton(file, header)
-                self._begin(Path(path), file, header, [], flush_every, now)
-        except BaseException:
-            file.close()
+            create_skeleton(file, header)
+            self._begin(Path(path), file, header, [], flush_every, now)
+        except (OSError, RuntimeError) as err:
+            abandon(file)
             Path(path).unlink(missing_ok=True)
-            raise
+            raise write_failure(Path(path), "laying out the file", err) from err
 
     @classmethod
     def reopen(
@@ -128,9 +131,8 @@ class RunWriter:
                 why = "is complete" if state == RunState.COMPLETE else "is being written"
                 raise InputError(f"{where} {why}; record into a new file")
             writer = cls.__new__(cls)
-            with write_failure_reported(where, "opening it again"):
-                writer._begin(where, file, header, digests, flush_every, now, index[:, 0])
-                writer.event("recording goes on")
+            writer._begin(where, file, header, digests, flush_every, now, index[:, 0])
+            writer.event("recording goes on")
         except BaseException:
             file.close()
             raise
@@ -192,8 +194,9 @@ class RunWriter:
         detector = self._detectors[record.camera]
         if why := detector.misfit(record):
             raise InputError(f"{self.path}: frame {record.frame_id} of the {record.camera} camera does not fit, {why}")
+        self._check_space(record.data.nbytes)
         digest = frame_sha256(record)
-        with write_failure_reported(self.path, f"writing frame {len(self._digests)}"):
+        with self._writing(f"writing frame {len(self._digests)}"):
             detector.append(record, len(self._digests), digest)
         for positioner in self._positioners.values():
             positioner.append(record)
@@ -216,13 +219,13 @@ class RunWriter:
     def event(self, text: str) -> None:
         """Keep a remark with the time of now."""
         self._check_open()
-        with write_failure_reported(self.path, "writing an event"):
+        with self._writing("writing an event"):
             self._events.write(_iso(self._now()), text)
 
     def flush(self) -> None:
         """Hand everything to the operating system; the frames so far survive the end of this program."""
         self._check_open()
-        with write_failure_reported(self.path, "writing the frames' metadata"):
+        with self._writing("writing the frames' metadata"):
             for detector in self._detectors.values():
                 detector.write_rows()
             for positioner in self._positioners.values():
@@ -247,20 +250,35 @@ class RunWriter:
     def _end(self, state: RunState, reason: str) -> None:
         if not self._file:
             return
+        self.flush()
+        with self._writing("closing it"):
+            if self._pressure is not None:
+                self._pressure.interpolate()
+            log = self._pressure.readings() if self._pressure else (np.zeros(0, np.int64), np.zeros(0))
+            self._put(f"{RECORDING}/sha256", run_sha256(header_sha256(self.header), self._digests, *log))
+            self._put(f"{RECORDING}/reason", reason)
+            self._put(f"{RECORDING}/state", state.value)
+            self._file.flush()
+            os.fsync(self._file.id.get_vfd_handle())
+            self._file.close()
+
+    @contextlib.contextmanager
+    def _writing(self, doing: str) -> Iterator[None]:
+        """Give the file up when writing fails: what was flushed can be read, nothing more can be written."""
         try:
-            self.flush()
-            with write_failure_reported(self.path, "closing it"):
-                if self._pressure is not None:
-                    self._pressure.interpolate()
-                log = self._pressure.readings() if self._pressure else (np.zeros(0, np.int64), np.zeros(0))
-                self._put(f"{RECORDING}/sha256", run_sha256(header_sha256(self.header), self._digests, *log))
-                self._put(f"{RECORDING}/reason", reason)
-                self._put(f"{RECORDING}/state", state.value)
-                self._file.flush()
-                os.fsync(self._file.id.get_vfd_handle())
-        finally:
-            with write_failure_reported(self.path, "closing it"):
-                self._file.close()
+            yield
+        except (OSError, RuntimeError) as err:
+            abandon(self._file)
+            raise write_failure(self.path, doing, err) from err
+
+    def _check_space(self, needed_bytes: int) -> None:
+        """Stop while the file can still be closed well: once HDF5 fails to write, it can not."""
+        free_bytes = shutil.disk_usage(self.path.parent).free
+        if free_bytes < needed_bytes + _RESERVE_BYTES:
+            raise BscdError(
+                f"{self.path}: the disk is full ({free_bytes / 1e6:.0f} MB left); the frames before are kept, "
+                "make room to go on"
+            )
 
     def __enter__(self) -> RunWriter:
         """The writer itself; the file is open since it was made."""

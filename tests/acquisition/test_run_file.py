@@ -5,7 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunState, RunWriter
@@ -151,14 +151,18 @@ def test_events_of_any_length_and_script_come_back(tmp_path):
         assert {event.time for event in run.events} == {"2026-03-01T12:00:00.000+00:00"}
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(text=st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=900))
-def test_any_event_comes_back(tmp_path_factory, text):
+TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=900)
+
+
+@settings(max_examples=5, deadline=None)
+@given(texts=st.lists(TEXT, min_size=10, max_size=20))
+def test_any_event_comes_back(tmp_path_factory, texts):
     path = tmp_path_factory.mktemp("event") / "run.h5"
     with RunWriter(path, **SETTINGS) as run:
-        run.event(text)
+        for text in texts:
+            run.event(text)
     with RunFile(path) as run:
-        assert [event.text for event in run.events] == [text]
+        assert [event.text for event in run.events] == texts
 
 
 def test_checksum_is_that_of_the_documented_bytes(tmp_path):
