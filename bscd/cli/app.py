@@ -6,7 +6,6 @@ import importlib
 import sys
 from typing import Annotated
 
-import click
 import typer
 
 from bscd import __version__
@@ -16,7 +15,7 @@ from drivers.errors import DeviceError
 #: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.
 COMMANDS = ("demo", "import_", "calibrate", "config", "design")
 
-DONE, FAILED, BAD_USAGE = 0, 1, 2
+DONE, FAILED = 0, 1
 
 
 def build_app() -> typer.Typer:
@@ -32,15 +31,21 @@ def build_app() -> typer.Typer:
 
     @app.callback()
     def root(
-        version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+        version: Annotated[
+            bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
+        ] = False,
     ) -> None:
-        if version:
-            typer.echo(f"bscd {__version__}")
-            raise typer.Exit
+        pass
 
     for name in COMMANDS:
         importlib.import_module(f"bscd.cli.{name}").register(app)
     return app
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"bscd {__version__}")
+        raise typer.Exit
 
 
 def main() -> None:
@@ -51,14 +56,11 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run a command line and return its exit code; errors go to stderr, one line each."""
     try:
-        outcome = build_app()(arguments, standalone_mode=False)
-    except click.UsageError as err:
-        err.show()
-        return BAD_USAGE
-    except (click.exceptions.Abort, KeyboardInterrupt):
-        print("stopped", file=sys.stderr)
-        return FAILED
+        build_app()(arguments, prog_name="bscd")
+    except SystemExit as ended:  # usage errors, Ctrl-C and the end of a command are turned into codes by typer
+        return ended.code if isinstance(ended.code, int) else DONE
     except (BscdError, DeviceError, OSError) as err:
-        print(f"error: {err}", file=sys.stderr)
+        for line in str(err).splitlines():
+            print(f"error: {line}", file=sys.stderr)
         return FAILED
-    return outcome if isinstance(outcome, int) else DONE
+    return DONE

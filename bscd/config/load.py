@@ -106,8 +106,10 @@ def _with_driver(schema: dict[str, Any], name: str, definitions: dict[str, Any])
 def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as err:
-        raise InputError(f"{path}: can not be read ({err}); name a TOML file") from err
+    except OSError as err:
+        raise InputError(f"{path}: can not be read ({err.strerror}); name a TOML file") from err
+    except UnicodeDecodeError as err:
+        raise InputError(f"{path}: is not UTF-8 text; name a TOML file") from err
 
 
 def _parse(text: str, name: str) -> dict[str, Any]:
