@@ -14,21 +14,21 @@ from drivers.twin.light import brightness, pack_light
 from drivers.twin.optics import FloatArray
 from drivers.twin.options import TwinOptions
 from drivers.twin.placement import Pose, cube_size_mm
-from drivers.twin.trace import BLOCKED, trace_pixel
+from drivers.twin.trace import BLOCKED, trace_line, trace_pixel
 
-NOTHING = -1
-SHADOW = -2
+#: What a ray meets beside faces 0 to 5; SHADOW is the prism's flank.
+NOTHING, SHADOW = 6, -1
 
 #: Samples per axis in the pixels that the cube's outline, its edges or the prism's edges cross.
 EDGE_SAMPLES = 12
 
 
-def pack_cube(options: TwinOptions) -> FloatArray:
-    """The cube's numbers ``(10,)`` for the kernels."""
+def pack_cube(options: TwinOptions) -> tuple[float, ...]:
+    """The cube's 10 numbers for the kernels."""
     cube = options.cube
     side, height = cube_size_mm(options)
-    head = [side, height / 2.0, cube.columns, cube.rows, cube.pitch_mm, cube.dot_diameter_mm / 2.0, cube.margin_mm]
-    return np.array([*head, cube.paper, cube.ink, cube.bare], np.float64)
+    grid = (float(cube.columns), float(cube.rows), cube.pitch_mm, cube.dot_diameter_mm / 2.0, cube.margin_mm)
+    return (side, height / 2.0, *grid, cube.paper, cube.ink, cube.bare)
 
 
 def dot_labels(options: TwinOptions) -> tuple[FloatArray, FloatArray]:
@@ -159,15 +159,15 @@ def sample_cube_pixel(column, row, count, cam, prism, pose, cube, light):
 
 
 @njit(cache=True)
-def _trace_line(row, what, u, v, cam, prism, pose, cube):
+def _look_along_line(row, rays, what, u, v, cam, prism, pose, cube):
     """What the pixel corners on one line (row) see: face and side in one number, and the place on the face."""
+    trace_line(-0.5, row, cam, prism, rays)
     for i in range(what.shape[0]):
-        ox, oy, oz, dx, dy, dz, side = trace_pixel(i - 0.5, row, cam, prism, 0)
-        if side == BLOCKED:
+        if rays[6, i] == BLOCKED:
             what[i] = SHADOW
             continue
-        face, u[i], v[i] = hit_cube(ox, oy, oz, dx, dy, dz, pose, cube)
-        what[i] = face if face == NOTHING else face + 10 * (side + 1)
+        face, u[i], v[i] = hit_cube(rays[0, i], rays[1, i], rays[2, i], rays[3, i], rays[4, i], rays[5, i], pose, cube)
+        what[i] = face + 10 * (int(rays[6, i]) + 1)
 
 
 @njit(cache=True, nogil=True)
@@ -181,17 +181,18 @@ def render_cube_rows(first, last, cam, prism, pose, cube, light, out):
     top, bottom = np.empty(width + 1, np.int64), np.empty(width + 1, np.int64)
     top_u, top_v = np.empty(width + 1), np.empty(width + 1)
     low_u, low_v = np.empty(width + 1), np.empty(width + 1)
-    _trace_line(first - 0.5, top, top_u, top_v, cam, prism, pose, cube)
+    rays = np.empty((7, width + 1))
+    _look_along_line(first - 0.5, rays, top, top_u, top_v, cam, prism, pose, cube)
     for r in range(first, last):
-        _trace_line(r + 0.5, bottom, low_u, low_v, cam, prism, pose, cube)
+        _look_along_line(r + 0.5, rays, bottom, low_u, low_v, cam, prism, pose, cube)
         for c in range(width):
             kind = top[c]
             if top[c + 1] != kind or bottom[c] != kind or bottom[c + 1] != kind:
                 out[r, c] = sample_cube_pixel(c, r, EDGE_SAMPLES, cam, prism, pose, cube, light)
-            elif kind == NOTHING:
-                out[r, c] = light[12]
             elif kind == SHADOW:
                 out[r, c] = 0.0
+            elif kind % 10 == NOTHING:
+                out[r, c] = light[12]
             else:
                 face = kind % 10
                 us = (top_u[c], top_u[c + 1], low_u[c + 1], low_u[c])
@@ -207,6 +208,9 @@ def render_cube_rows(first, last, cam, prism, pose, cube, light, out):
         top_v, low_v = low_v, top_v
 
 
-def cube_arguments(options: TwinOptions, pose: Pose) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The pose, cube and light arrays that the kernels of this module take."""
+Packed = tuple[float, ...]
+
+
+def cube_arguments(options: TwinOptions, pose: Pose) -> tuple[Packed, Packed, Packed]:
+    """The pose, cube and light numbers that the kernels of this module take."""
     return pose.packed(), pack_cube(options), pack_light(options.light)

@@ -7,14 +7,21 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
+from numpy.polynomial import Chebyshev, Polynomial
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from drivers.twin.inflation import Meridian, load_for_rise, solve
 from drivers.twin.optics import FloatArray
 from drivers.twin.options import MembraneOptions
 
-#: Intervals of the ray kernel's table over the squared deformed radius.
-TABLE = 512
+#: Degree of the ray kernel's polynomials in the squared deformed radius.
+DEGREE = 14
+
+#: Numbers that `Membrane.polynomials` packs.
+SHAPE_NUMBERS = 2 * (DEGREE + 1) + 1
+
+#: Newton steps to a ray's crossing; quadratic convergence from the pole's height leaves the last below 1e-9 mm.
+NEWTON_STEPS = 7
 
 
 @lru_cache(maxsize=8)
@@ -76,63 +83,76 @@ class Membrane:
         stretches = [CubicSpline(shape.material, s)(radius) for s in (shape.radial_stretch, shape.hoop_stretch)]
         return (np.stack(stretches, axis=-1) ** 2 - 1.0) / 2.0
 
-    def table(self, pressure_kpa: float) -> FloatArray:
-        """Cubic pieces ``(TABLE, 8)`` over the squared deformed radius, for `hit_membrane`.
+    def polynomials(self, pressure_kpa: float) -> tuple[float, ...]:
+        """Coefficients for `hit_membrane`: the pole's height, then of the height (mm) and of R / r, highest power first.
 
-        Four coefficients of the height (mm), then four of R / r, highest power first. As functions of the squared
-        radius both are smooth at the pole.
+        As functions of (r / a)^2 both are analytic; the polynomials follow the solution to 1e-7 mm up to 16 kPa.
         """
         a, shape = self.options.radius_mm, self.meridian(pressure_kpa)
-        squared = (a * shape.radius) ** 2
-        knots = np.linspace(0.0, a * a, TABLE + 1)
-        pieces = []
+        squared = shape.radius**2
+        squared[-1] = 1.0
+        nodes = (1.0 - np.cos(np.pi * (np.arange(4 * DEGREE) + 0.5) / (4 * DEGREE))) / 2.0
+        packed = [a * float(shape.height[0])]
         for values in (a * shape.height, 1.0 / shape.hoop_stretch):
-            fine = CubicSpline(squared, values)
-            pieces.append(CubicSpline(knots, fine(np.minimum(knots, squared[-1]))).c.T)
-        return np.ascontiguousarray(np.concatenate(pieces, axis=1))
+            fitted = Chebyshev.fit(nodes, CubicSpline(squared, values)(nodes), DEGREE, domain=[0.0, 1.0])
+            packed.extend(fitted.convert(kind=Polynomial).coef[::-1].tolist())
+        return tuple(packed)
 
 
-@njit(cache=True)
-def _cubic(piece, first, t):
-    """Value and slope of one cubic piece."""
-    c3, c2, c1, c0 = piece[first], piece[first + 1], piece[first + 2], piece[first + 3]
-    return ((c3 * t + c2) * t + c1) * t + c0, (3.0 * c3 * t + 2.0 * c2) * t + c1
+@njit(inline="always")
+def _polynomial(c, q):
+    """Value and slope by Horner's rule; written out, since a loop over a tuple would leave the registers."""
+    value, slope = c[0] * q + c[1], c[0]
+    value, slope = value * q + c[2], slope * q + value
+    value, slope = value * q + c[3], slope * q + value
+    value, slope = value * q + c[4], slope * q + value
+    value, slope = value * q + c[5], slope * q + value
+    value, slope = value * q + c[6], slope * q + value
+    value, slope = value * q + c[7], slope * q + value
+    value, slope = value * q + c[8], slope * q + value
+    value, slope = value * q + c[9], slope * q + value
+    value, slope = value * q + c[10], slope * q + value
+    value, slope = value * q + c[11], slope * q + value
+    value, slope = value * q + c[12], slope * q + value
+    value, slope = value * q + c[13], slope * q + value
+    value, slope = value * q + c[14], slope * q + value
+    return value, slope
 
 
-@njit(cache=True)
-def hit_membrane(ox, oy, oz, dx, dy, dz, radius, ring, table):
-    """Where a ray (membrane frame, mm) meets the membrane or its clamping ring.
+@njit(inline="always")
+def newton_step(t, ox, oy, oz, dx, dy, dz, radius, shape):
+    """One step of Newton's method for where a ray (membrane frame, mm) crosses the membrane: the step to take from t.
 
-    Returns (what, u, v, x, y, z, nx, ny, nz): what 1 membrane, 2 ring, 0 neither; (u, v) the material point; the
-    place; the outward normal. The cap is convex, so Newton's method from above its pole converges on the first
-    crossing.
+    Beyond the clamp the cap goes on along its slope. The cap is convex, so from the height of its pole the steps
+    converge on the first crossing.
     """
-    limit = radius * radius
-    width = limit / table.shape[0]
-    if dz < 0.0:
-        t = (table[0, 3] - oz) / dz
-        for _ in range(30):
-            x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
-            q = x * x + y * y
-            k = min(int(q / width), table.shape[0] - 1)
-            part = min(q, limit) - k * width
-            height, slope = _cubic(table[k], 0, part)
-            if q > limit:
-                height += slope * (q - limit)
-            step = (z - height) / (dz - slope * 2.0 * (x * dx + y * dy))
-            if not step <= 1e3:
-                break
-            t -= step
-            if abs(step) < 1e-10:
-                if q <= limit:
-                    stretch, _ = _cubic(table[k], 4, part)
-                    norm = np.sqrt(1.0 + 4.0 * q * slope * slope)
-                    nx, ny = -2.0 * slope * x / norm, -2.0 * slope * y / norm
-                    return 1, x * stretch, y * stretch, x, y, z, nx, ny, 1.0 / norm
-                break
-        t = -oz / dz
-        x, y = ox + t * dx, oy + t * dy
-        q = x * x + y * y
-        if limit < q <= (radius + ring) ** 2:
-            return 2, x, y, x, y, 0.0, 0.0, 0.0, 1.0
-    return 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    scale = 1.0 / (radius * radius)
+    x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
+    q = (x * x + y * y) * scale
+    height, slope = _polynomial(shape[1:16], min(q, 1.0))
+    return (z - height - slope * max(q - 1.0, 0.0)) / (dz - 2.0 * scale * slope * (x * dx + y * dy))
+
+
+@njit(inline="always")
+def membrane_at(t, step, ox, oy, oz, dx, dy, dz, radius, ring, shape):
+    """What a ray (membrane frame, mm) meets, given the converged t and the last step.
+
+    Returns (what, u, v, x, y, z, nx, ny, nz): what 1 membrane, 2 clamping ring, 0 neither; (u, v) the material
+    point; the place; the outward normal.
+    """
+    scale = 1.0 / (radius * radius)
+    x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
+    q = (x * x + y * y) * scale
+    on_membrane = (abs(step) < 1e-7) & (q <= 1.0) & (dz < 0.0)
+    flat = -oz / dz
+    fx, fy = ox + flat * dx, oy + flat * dy
+    fq = (fx * fx + fy * fy) * scale
+    on_ring = (fq > 1.0) & (fq <= (1.0 + ring / radius) ** 2) & (dz < 0.0)
+    _, slope = _polynomial(shape[1:16], min(q, 1.0))
+    ratio, _ = _polynomial(shape[16:31], min(q, 1.0))
+    what = 1.0 if on_membrane else (2.0 if on_ring else 0.0)
+    x, y, z = x if on_membrane else fx, y if on_membrane else fy, z if on_membrane else 0.0
+    ratio = ratio if on_membrane else 1.0
+    tilt = -2.0 * scale * slope if on_membrane else 0.0
+    nz = 1.0 / np.sqrt(1.0 + tilt * tilt * (x * x + y * y))
+    return what, x * ratio, y * ratio, x, y, z, tilt * x * nz, tilt * y * nz, nz

@@ -40,12 +40,20 @@ class CameraOptics:
     position_mm: tuple[float, float, float]
     rotation: FloatArray
 
-    def packed(self) -> FloatArray:
-        """All numbers in one array ``(20,)`` for the kernels of `drivers.twin.trace`."""
+    def packed(self) -> tuple[float, ...]:
+        """All numbers in one tuple ``(21,)`` for the kernels of `drivers.twin.trace`."""
         scale = self.focal_length_mm / self.pixel_size_mm
-        return np.concatenate(
-            [[scale, scale], self.principal_px, self.distortion, self.position_mm, np.ravel(self.rotation)]
-        ).astype(np.float64)
+        packed = np.concatenate(
+            [
+                [scale, scale],
+                self.principal_px,
+                self.distortion,
+                self.position_mm,
+                np.ravel(self.rotation),
+                [1.0 / scale],
+            ]
+        )
+        return tuple(packed.tolist())
 
 
 @dataclass(frozen=True)
@@ -70,12 +78,13 @@ class Biprism:
         """beta, the angle between the back face and either roof face."""
         return math.radians(180.0 - self.alpha_deg) / 2.0
 
-    def packed(self) -> FloatArray:
-        """All numbers in one array ``(18,)`` for the kernels of `drivers.twin.trace`."""
+    def packed(self) -> tuple[float, ...]:
+        """All numbers in one tuple ``(19,)`` for the kernels of `drivers.twin.trace`."""
         beta = self.base_angle_rad
         head = [self.refractive_index, math.sin(beta), math.cos(beta), self.thickness_mm]
         size = [self.width_mm / 2.0, self.height_mm / 2.0]
-        return np.concatenate([head, size, self.edge_mm, np.ravel(self.rotation)]).astype(np.float64)
+        packed = np.concatenate([head, size, self.edge_mm, np.ravel(self.rotation), [1.0 / self.refractive_index]])
+        return tuple(packed.tolist())
 
 
 def rotation_xyz_deg(x_deg: float, y_deg: float, z_deg: float) -> FloatArray:

@@ -32,9 +32,9 @@ class Pose:
         """The map from the world to the body."""
         return Pose(self.rotation.T, -self.rotation.T @ self.origin_mm)
 
-    def packed(self) -> FloatArray:
-        """Rotation by rows, then origin ``(12,)``, for the kernels."""
-        return np.concatenate([self.rotation.ravel(), self.origin_mm]).astype(np.float64)
+    def packed(self) -> tuple[float, ...]:
+        """Rotation by rows, then origin: 12 numbers for the kernels."""
+        return (*self.rotation.ravel().tolist(), *self.origin_mm.tolist())
 
 
 class Placement(NamedTuple):

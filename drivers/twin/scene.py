@@ -16,7 +16,7 @@ from drivers.twin.options import TwinOptions
 from drivers.twin.placement import RigState, object_pose
 from drivers.twin.sensor import FloatImage
 from drivers.twin.speckle import speckle_coefficients
-from drivers.twin.speckled import hit_many, pack_body, render_body_rows
+from drivers.twin.speckled import HIT_ROWS, hit_line, pack_body, render_body_rows
 from drivers.twin.sphere import sphere_points
 from drivers.twin.trace import Rays, pack_prism
 
@@ -44,14 +44,14 @@ def render_scene(options: TwinOptions, camera: CameraOptics, prism: Biprism | No
         run_in_bands(len(out), lambda a, b: render_cube_rows(a, b, cam, glass, pose, cube, light, out), small=64)
     elif state.scene in ("sphere", "membrane"):
         speckle = options.sphere.speckle if state.scene == "sphere" else options.membrane.speckle
-        body, table = pack_body(options, state.pressure_kpa, state.scene)
+        body = pack_body(options, state.pressure_kpa, state.scene)
         pose, light = object_pose(options, state).packed(), pack_light(options.light)
         paint = speckle_coefficients(speckle)
         nodes, weights = np.polynomial.legendre.leggauss(speckle.samples)
         nodes, weights = nodes / 2.0, weights / 2.0
         run_in_bands(
             len(out),
-            lambda a, b: render_body_rows(a, b, nodes, weights, cam, glass, pose, body, table, paint, light, out),
+            lambda a, b: render_body_rows(a, b, nodes, weights, cam, glass, pose, body, paint, light, out),
             small=64,
         )
     return out
@@ -61,15 +61,14 @@ def meet_surface(options: TwinOptions, rays: Rays, state: RigState) -> SurfacePo
     """Where rays first meet the speckled body of the scene. Raises `ValueError` when there is none."""
     if state.scene not in ("sphere", "membrane"):
         raise ValueError(f"the scene {state.scene!r} has no speckled surface; place a sphere or the membrane")
-    count = len(rays.side)
-    body, table = pack_body(options, state.pressure_kpa, state.scene)
+    body, light = pack_body(options, state.pressure_kpa, state.scene), pack_light(options.light)
     pose = object_pose(options, state).packed()
-    what, material, place = np.zeros(count, np.int64), np.empty((count, 2)), np.empty((count, 3))
-    run_in_bands(
-        count,
-        lambda a, b: hit_many(a, b, rays.origin_mm, rays.direction, pose, body, table, what, material, place),
-    )
-    return SurfacePoints(material, place, what == 1)
+    lines = np.ascontiguousarray(np.concatenate([rays.origin_mm, rays.direction], axis=1).T)
+    hit = np.empty((HIT_ROWS, len(rays.side)))
+    hit_line(lines, pose, body, light, hit)
+    missed = (hit[0] == 0.0) | np.isnan(lines[0])
+    found = np.where(missed, np.nan, hit[:7])
+    return SurfacePoints(found[1:3].T.copy(), found[4:7].T.copy(), found[0] == 1.0)
 
 
 def surface_positions(options: TwinOptions, material_mm: FloatArray, state: RigState) -> FloatArray:

@@ -8,18 +8,18 @@ from numba import njit
 from drivers.twin.optics import FloatArray
 from drivers.twin.options import SpeckleOptions
 
-#: Coefficients per axis; the pattern repeats after this many spacings. A power of two, for the kernel's masking.
-COEFFICIENTS = 512
+#: The pattern repeats after this many spacings. A power of two, for the kernel's masking.
+PERIOD = 512
 
 
 def speckle_coefficients(speckle: SpeckleOptions) -> FloatArray:
-    """The pattern's coefficients ``(COEFFICIENTS, COEFFICIENTS)``: ground or paint, at random.
+    """The pattern's coefficients ``(PERIOD + 3, PERIOD + 3)``: ground or paint, at random; the last 3 repeat the first.
 
     The B-spline's weights are positive and add up to one, so the pattern stays between ``dark`` and ``bright``; it
     is twice continuously differentiable. Its autocorrelation is 1.9 spacings wide at half height.
     """
-    paint = np.random.default_rng(speckle.seed).random((COEFFICIENTS, COEFFICIENTS)) < 0.5
-    return np.where(paint, speckle.dark, speckle.bright)
+    paint = np.random.default_rng(speckle.seed).random((PERIOD, PERIOD)) < 0.5
+    return np.pad(np.where(paint, speckle.dark, speckle.bright), (0, 3), mode="wrap")
 
 
 @njit(cache=True, inline="always")
@@ -34,19 +34,17 @@ def _weights(t):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def speckle_at(u, v, coefficients, spacing):
     """Reflectance at a material point (mm)."""
-    mask = coefficients.shape[0] - 1
     x, y = u / spacing, v / spacing
     i, j = np.floor(x), np.floor(y)
     wx, wy = _weights(x - i), _weights(y - j)
-    first_column, first_row = int(i) - 1, int(j) - 1
+    column, row = int(i) & (PERIOD - 1), int(j) & (PERIOD - 1)
     total = 0.0
     for b in range(4):
-        row = (first_row + b) & mask
-        line = 0.0
-        for a in range(4):
-            line += wx[a] * coefficients[row, (first_column + a) & mask]
-        total += wy[b] * line
+        line = coefficients[row + b]
+        total += wy[b] * (
+            wx[0] * line[column] + wx[1] * line[column + 1] + wx[2] * line[column + 2] + wx[3] * line[column + 3]
+        )
     return total

@@ -8,30 +8,27 @@ from numba import njit
 from drivers.twin.optics import FloatArray
 
 
-@njit(cache=True)
+@njit(inline="always")
 def hit_sphere(ox, oy, oz, dx, dy, dz, radius):
     """Where a ray (sphere's frame, unit direction, mm) first meets the sphere.
 
-    Returns (what, u, v, x, y, z, nx, ny, nz) as `hit_membrane`: (u, v) is the material point in the azimuthal
-    equidistant chart about the front pole -y (arc length and azimuth), smooth all over the visible cap.
+    Returns (what, u, v, x, y, z, nx, ny, nz) as `membrane_at`: (u, v) is the material point in Lambert's
+    equal-area chart about the front pole -y, smooth all over the visible cap.
     """
     along = ox * dx + oy * dy + oz * dz
     px, py, pz = ox - along * dx, oy - along * dy, oz - along * dz
     inside = radius * radius - (px * px + py * py + pz * pz)
-    if inside <= 0.0 or along >= 0.0:
-        return 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-    back = np.sqrt(inside)
+    hit = (inside > 0.0) & (along < 0.0)
+    back = np.sqrt(max(inside, 0.0))
     x, y, z = px - back * dx, py - back * dy, pz - back * dz
+    chart = np.sqrt(2.0 * radius / max(radius - y, 1e-9 * radius))
     nx, ny, nz = x / radius, y / radius, z / radius
-    sine = np.sqrt(nx * nx + nz * nz)
-    arc = radius * (np.arctan2(sine, -ny) / sine if sine > 1e-12 else 1.0)
-    return 1, arc * nx, arc * nz, x, y, z, nx, ny, nz
+    return 1.0 if hit else 0.0, x * chart, z * chart, x, y, z, nx, ny, nz
 
 
 def sphere_points(material_mm: FloatArray, radius_mm: float) -> FloatArray:
     """Places ``(N, 3)`` mm in the sphere's frame of material points ``(N, 2)`` mm: the inverse of the chart."""
     u, v = np.asarray(material_mm, float).reshape(-1, 2).T
-    arc = np.hypot(u, v)
-    angle = arc / radius_mm
-    scale = radius_mm * np.divide(np.sin(angle), arc, out=np.full_like(arc, 1.0 / radius_mm), where=arc > 0.0)
-    return np.stack([u * scale, -radius_mm * np.cos(angle), v * scale], axis=-1)
+    part = (u * u + v * v) / (4.0 * radius_mm**2)
+    scale = np.sqrt(1.0 - part)
+    return np.stack([u * scale, -radius_mm * (1.0 - 2.0 * part), v * scale], axis=-1)

@@ -17,7 +17,7 @@ from drivers.twin.optics import Biprism, CameraOptics, FloatArray
 #: Where a ray left the prism.
 DIRECT, LEFT, RIGHT, BLOCKED = 0, -1, 1, 9
 
-_NO_PRISM = np.zeros(18)
+_NO_PRISM = (0.0,) * 19
 
 
 @dataclass(frozen=True)
@@ -43,86 +43,122 @@ def _undistort(x, y, k1, k2, p1, p2):
     )
 
 
-@njit(cache=True, inline="always")
-def _refract(dx, dy, dz, nx, ny, nz, ratio):
-    """Snell: unit direction d onto a face with unit normal n (along d), ratio = n_before / n_after."""
-    cos_in = dx * nx + dy * ny + dz * nz
-    sin2_out = ratio * ratio * (1.0 - cos_in * cos_in)
-    if sin2_out > 1.0:
-        return np.nan, np.nan, np.nan
-    k = np.sqrt(1.0 - sin2_out) - ratio * cos_in
-    return ratio * dx + k * nx, ratio * dy + k * ny, ratio * dz + k * nz
-
-
-@njit(cache=True)
-def trace_pixel(column, row, cam, prism, face):
-    """One pixel -> (ox, oy, oz, dx, dy, dz, side); ``prism[0] == 0`` means that there is none.
-
-    ``face`` 0 takes the face that the ray meets; -1 or 1 that face, extended without bounds (for the inverse).
-    """
-    x, y = _undistort((column - cam[2]) / cam[0], (row - cam[3]) / cam[1], cam[4], cam[5], cam[6], cam[7])
-    norm = np.sqrt(x * x + y * y + 1.0)
-    dx = (x * cam[11] + y * cam[14] + cam[17]) / norm
-    dy = (x * cam[12] + y * cam[15] + cam[18]) / norm
-    dz = (x * cam[13] + y * cam[16] + cam[19]) / norm
-    ox, oy, oz = cam[8], cam[9], cam[10]
-    n = prism[0]
-    if n == 0.0:
-        return ox, oy, oz, dx, dy, dz, DIRECT
-    sin_b, cos_b, thickness, half_w, half_h = prism[1], prism[2], prism[3], prism[4], prism[5]
+@njit(inline="always")
+def _trace(column, row, cam, prism, face):
+    """`trace_pixel` without a branch, so that a loop over it runs on vector registers."""
+    x, y = _undistort((column - cam[2]) * cam[20], (row - cam[3]) * cam[20], cam[4], cam[5], cam[6], cam[7])
+    unit = 1.0 / np.sqrt(x * x + y * y + 1.0)
+    dx = (x * cam[11] + y * cam[14] + cam[17]) * unit
+    dy = (x * cam[12] + y * cam[15] + cam[18]) * unit
+    dz = (x * cam[13] + y * cam[16] + cam[19]) * unit
+    n, sin_b, cos_b, thickness, half_w, half_h = prism[0], prism[1], prism[2], prism[3], prism[4], prism[5]
     # into the prism's frame
-    qx, qy, qz = ox - prism[6], oy - prism[7], oz - prism[8]
+    qx, qy, qz = cam[8] - prism[6], cam[9] - prism[7], cam[10] - prism[8]
     px = prism[9] * qx + prism[10] * qy + prism[11] * qz
     py = prism[12] * qx + prism[13] * qy + prism[14] * qz
     pz = prism[15] * qx + prism[16] * qy + prism[17] * qz
     ex = prism[9] * dx + prism[10] * dy + prism[11] * dz
     ey = prism[12] * dx + prism[13] * dy + prism[14] * dz
     ez = prism[15] * dx + prism[16] * dy + prism[17] * dz
-    t = (-thickness - py) / ey
-    ax, ay, az = px + t * ex, -thickness, pz + t * ez
-    if face == 0 and (abs(ax) > half_w or abs(az) > half_h):
-        tf = -py / ey  # past it only if the ray stays outside up to the plane of the edge
-        bx, bz = px + tf * ex, pz + tf * ez
-        if (ax > half_w and bx > half_w) or (ax < -half_w and bx < -half_w):
-            return ox, oy, oz, dx, dy, dz, DIRECT
-        if (az > half_h and bz > half_h) or (az < -half_h and bz < -half_h):
-            return ox, oy, oz, dx, dy, dz, DIRECT
-        return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, BLOCKED
-    ex, ey, ez = _refract(ex, ey, ez, 0.0, 1.0, 0.0, 1.0 / n)
+    per_depth = 1.0 / ey
+    to_back, to_edge = -(thickness + py) * per_depth, -py * per_depth
+    ax, az = px + to_back * ex, pz + to_back * ez
+    bx, bz = px + to_edge * ex, pz + to_edge * ez
+    # past the prism if the ray stays on one side of it from the back face to the plane of the edge
+    beside = ((ax > half_w) & (bx > half_w)) | ((ax < -half_w) & (bx < -half_w))
+    over = ((az > half_h) & (bz > half_h)) | ((az < -half_h) & (bz < -half_h))
+    past = beside | over | (n == 0.0)
+    blocked = (abs(ax) > half_w) | (abs(az) > half_h)
+    # Snell at the back face, whose normal is the prism's y axis
+    ex, ez = ex * prism[18], ez * prism[18]
+    ey = np.sqrt(1.0 - ex * ex - ez * ez)
     # the roof is convex: the ray leaves through the face that it meets first
-    t_right = -(ax * sin_b + ay * cos_b) / (ex * sin_b + ey * cos_b)
-    t_left = -(-ax * sin_b + ay * cos_b) / (-ex * sin_b + ey * cos_b)
-    side = RIGHT
-    t = t_right
-    nx = sin_b
-    if face == LEFT or (face == 0 and t_left < t_right):
-        side = LEFT
-        t = t_left
-        nx = -sin_b
-    ax, ay, az = ax + t * ex, ay + t * ey, az + t * ez
-    ex, ey, ez = _refract(ex, ey, ez, nx, cos_b, 0.0, n)
-    if np.isnan(ex) or (face == 0 and (abs(ax) > half_w or abs(az) > half_h)):
-        return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, BLOCKED
+    depth, forward = -thickness * cos_b, ey * cos_b
+    across, sideways = ax * sin_b, ex * sin_b
+    left_first = (depth - across) * (forward + sideways) > (depth + across) * (forward - sideways)
+    side = -1.0 if left_first else 1.0
+    side = side if face == 0.0 else face
+    cos_in = forward + side * sideways
+    inside = -(depth + side * across) / cos_in
+    ax, ay, az = ax + inside * ex, inside * ey - thickness, az + inside * ez
+    # Snell in vector form at the roof: d' = n d + (cos_out - n cos_in) normal
+    cos2_out = 1.0 - n * n * (1.0 - cos_in * cos_in)
+    turn = np.sqrt(cos2_out) - n * cos_in
+    ex, ey, ez = n * ex + turn * side * sin_b, n * ey + turn * cos_b, n * ez
+    blocked = blocked | (abs(ax) > half_w) | (abs(az) > half_h) | (cos2_out < 0.0)
+    if face == 0.0:
+        side = 9.0 if blocked else side
+        side = 0.0 if past else side
+    direct = side == 0.0
+    bad = np.nan if side == 9.0 else 0.0
     # back to the world
-    ox = prism[6] + prism[9] * ax + prism[12] * ay + prism[15] * az
-    oy = prism[7] + prism[10] * ax + prism[13] * ay + prism[16] * az
-    oz = prism[8] + prism[11] * ax + prism[14] * ay + prism[17] * az
-    dx = prism[9] * ex + prism[12] * ey + prism[15] * ez
-    dy = prism[10] * ex + prism[13] * ey + prism[16] * ez
-    dz = prism[11] * ex + prism[14] * ey + prism[17] * ez
-    return ox, oy, oz, dx, dy, dz, side
+    gx = prism[6] + prism[9] * ax + prism[12] * ay + prism[15] * az
+    gy = prism[7] + prism[10] * ax + prism[13] * ay + prism[16] * az
+    gz = prism[8] + prism[11] * ax + prism[14] * ay + prism[17] * az
+    hx = prism[9] * ex + prism[12] * ey + prism[15] * ez
+    hy = prism[10] * ex + prism[13] * ey + prism[16] * ez
+    hz = prism[11] * ex + prism[14] * ey + prism[17] * ez
+    return (
+        (cam[8] if direct else gx) + bad,
+        (cam[9] if direct else gy) + bad,
+        (cam[10] if direct else gz) + bad,
+        (dx if direct else hx) + bad,
+        (dy if direct else hy) + bad,
+        (dz if direct else hz) + bad,
+        side,
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def trace_pixel(column, row, cam, prism, face):
+    """One pixel -> (ox, oy, oz, dx, dy, dz, side); ``prism[0] == 0`` means that there is none.
+
+    ``face`` 0 takes the face that the ray meets; -1 or 1 that face, extended without bounds (for the inverse).
+    ``cam`` and ``prism`` are tuples (`CameraOptics.packed`, `pack_prism`): the compiler knows that a loop's output
+    does not overlap them.
+    """
+    ox, oy, oz, dx, dy, dz, side = _trace(column, row, cam, prism, float(face))
+    return ox, oy, oz, dx, dy, dz, int(side)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _fill(columns, rows, cam, prism, ox, oy, oz, dx, dy, dz, side):
+    for i in range(ox.shape[0]):
+        ox[i], oy[i], oz[i], dx[i], dy[i], dz[i], side[i] = _trace(columns[i], rows[i], cam, prism, 0.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _fill_line(first, row, cam, prism, ox, oy, oz, dx, dy, dz, side):
+    for i in range(ox.shape[0]):
+        ox[i], oy[i], oz[i], dx[i], dy[i], dz[i], side[i] = _trace(first + i, row, cam, prism, 0.0)
+
+
+@njit(cache=True)
+def trace_line(first, row, cam, prism, out):
+    """Points of one image line at columns ``first``, ``first`` + 1, ... into ``out`` ``(7, count)``.
+
+    Its rows are those of `trace_pixel`'s answer.
+    """
+    _fill_line(first, row, cam, prism, out[0], out[1], out[2], out[3], out[4], out[5], out[6])
 
 
 @njit(cache=True, nogil=True)
 def _trace_many(first, last, pixels, cam, prism, origin, direction, side):
-    for i in range(first, last):
-        ox, oy, oz, dx, dy, dz, s = trace_pixel(pixels[i, 0], pixels[i, 1], cam, prism, 0)
-        origin[i, 0], origin[i, 1], origin[i, 2] = ox, oy, oz
-        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
-        side[i] = s
+    block = np.zeros((9, 512))
+    while first < last:
+        count = min(block.shape[1], last - first)
+        for i in range(count):
+            block[7, i], block[8, i] = pixels[first + i, 0], pixels[first + i, 1]
+        b = block  # whole rows: a slice would not be contiguous to the compiler
+        _fill(b[7], b[8], cam, prism, b[0], b[1], b[2], b[3], b[4], b[5], b[6])
+        for i in range(count):
+            for k in range(3):
+                origin[first + i, k], direction[first + i, k] = b[k, i], b[3 + k, i]
+            side[first + i] = np.int8(b[6, i])
+        first += count
 
 
-def pack_prism(prism: Biprism | None) -> FloatArray:
+def pack_prism(prism: Biprism | None) -> tuple[float, ...]:
     """The prism's numbers for the kernels; zeros for none."""
     return _NO_PRISM if prism is None else prism.packed()
 
