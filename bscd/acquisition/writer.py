@@ -17,11 +17,10 @@ import numpy as np
 from bscd import __version__
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.detector import DetectorWriter
-from bscd.acquisition.header import read_header
-from bscd.acquisition.index import frame_index
 from bscd.acquisition.layout import ENTRY, INSTRUMENT, RECORDING
-from bscd.acquisition.nodes import dataset_at, group_at, text_at
-from bscd.acquisition.opening import abandon, create_file, damage_reported, open_to_continue, write_failure
+from bscd.acquisition.nodes import dataset_at, group_at
+from bscd.acquisition.opening import abandon, create_file, open_to_continue, write_failure
+from bscd.acquisition.recorded import Recorded, recorded_in
 from bscd.acquisition.records import (
     CAMERAS,
     PHASES,
@@ -104,11 +103,15 @@ class RunWriter:
         file = create_file(Path(path))
         try:
             create_skeleton(file, header)
-            self._begin(Path(path), file, header, [], flush_every, now)
+            self._begin(Path(path), file, Recorded(header), flush_every, now)
         except (OSError, RuntimeError) as err:
             abandon(file)
             Path(path).unlink(missing_ok=True)
             raise write_failure(Path(path), "laying out the file", err) from err
+        except BaseException:
+            file.close()
+            Path(path).unlink(missing_ok=True)
+            raise
 
     @classmethod
     def reopen(
@@ -121,51 +124,36 @@ class RunWriter:
         where = Path(path)
         file = open_to_continue(where)
         try:
-            with damage_reported(where, "reading what was recorded"):
-                state = text_at(file, f"{RECORDING}/state")
-                header = read_header(file)
-                detectors = [group_at(file, f"{INSTRUMENT}/{name}") for name in header.cameras]
-                index = frame_index(detectors)
-                digests = [dataset_at(detectors[d], "sha256")[row].decode() for d, row in index]
-            if state != RunState.INTERRUPTED:
-                why = "is complete" if state == RunState.COMPLETE else "is being written"
-                raise InputError(f"{where} {why}; record into a new file")
             writer = cls.__new__(cls)
-            writer._begin(where, file, header, digests, flush_every, now, index[:, 0])
+            writer._begin(where, file, recorded_in(file, where), flush_every, now)
             writer.event("recording goes on")
+        except (OSError, RuntimeError) as err:
+            abandon(file)
+            raise write_failure(where, "opening it again", err) from err
         except BaseException:
             file.close()
             raise
         return writer
 
     def _begin(
-        self,
-        path: Path,
-        file: h5py.File,
-        header: RunHeader,
-        digests: list[str],
-        flush_every: int,
-        now: Callable[[], datetime],
-        detector_of_frame: np.ndarray | None = None,
+        self, path: Path, file: h5py.File, recorded: Recorded, flush_every: int, now: Callable[[], datetime]
     ) -> None:
-        instrument = group_at(file, INSTRUMENT)
-        seen = np.zeros(0, np.int64) if detector_of_frame is None else detector_of_frame
+        instrument, header = group_at(file, INSTRUMENT), recorded.header
         self.path = path
         self.header = header
         self._file = file
         self._now = now
         self._flush_every = flush_every
-        self._digests = digests
-        self._committed = len(digests)
+        self._digests = recorded.frames_sha256
+        self._committed = frames = len(self._digests)
         self._detectors = {
-            name: DetectorWriter(group_at(instrument, name), meta, int(np.count_nonzero(seen == number)))
-            for number, (name, meta) in enumerate(header.cameras.items())
+            name: DetectorWriter(group_at(instrument, name), meta, recorded.frames_of[name])
+            for name, meta in header.cameras.items()
         }
         self._positioners = {
-            name: PositionerWriter(group_at(instrument, name), name, meta, len(digests))
-            for name, meta in header.axes.items()
+            name: PositionerWriter(group_at(instrument, name), name, meta, frames) for name, meta in header.axes.items()
         }
-        self._pressure = None if header.pressure is None else PressureWriter(file, len(digests))
+        self._pressure = None if header.pressure is None else PressureWriter(file, frames)
         self._events = EventWriter(group_at(file, RECORDING))
         file.swmr_mode = True
         self._put(f"{RECORDING}/state", RunState.RECORDING.value)

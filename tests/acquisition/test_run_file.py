@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunState, RunWriter
+from bscd.acquisition import AxisMeta, CameraMeta, FrameRecord, RunFile, RunState, RunWriter
 from bscd.errors import InputError
 from drivers.interfaces import FrameStatus, PressureReading, Range
 from tests.acquisition.run_records import AXES, CAMERAS, PRESSURE, SETTINGS, frames, same
@@ -212,6 +212,12 @@ def test_a_file_is_never_overwritten(tmp_path):
 def test_a_place_that_can_not_be_written_is_told(tmp_path):
     with pytest.raises(InputError, match="no folder"):
         RunWriter(tmp_path / "missing" / "run.h5", **SETTINGS)
+
+
+def test_a_run_that_can_not_be_begun_leaves_no_file(tmp_path):
+    with pytest.raises(ValueError, match="rotation axis is recorded in deg, not in mm"):
+        RunWriter(tmp_path / "run.h5", **(SETTINGS | {"axes": {"rotation": AxisMeta("mm")}}))
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
