@@ -25,6 +25,8 @@ DOTS_LIMIT = 0.02
 """Of the pose's dots."""
 HEIGHT_LIMIT = 0.005
 BRIGHTNESS_LIMIT = 0.15
+NEEDED = 0.3
+"""Share of the dots that has to be in each half for the rest to be measured."""
 
 
 def biprism_items(seen: TargetImage, target: GridTarget, split: SplitLine | None) -> tuple[AlignmentItem, ...]:
@@ -33,7 +35,7 @@ def biprism_items(seen: TargetImage, target: GridTarget, split: SplitLine | None
     Directions are as the camera sees them. Raises `CheckFailedError` when the dots can not be found in both
     halves.
     """
-    findings = find_two_grids(seen, target, split or middle_regions(seen.image)[0].split)
+    findings = find_two_grids(seen, target, split or middle_regions(seen.image)[0].split, NEEDED)
     figures: dict[Half, GridFigures] = {
         half: grid_figures(seen.image, seen.full_scale, finding, target) for half, finding in findings.items()
     }
@@ -112,8 +114,8 @@ def _symmetry_items(
             right.dots - left.dots,
             "dots",
             DOTS_LIMIT * max(left.dots, right.dots),
-            low="shift the target to the left until both halves show all dots",
-            high="shift the target to the right until both halves show all dots",
+            low="shift the target to the right until both halves show all dots",
+            high="shift the target to the left until both halves show all dots",
         ),
         item(
             "height of the grid, right over left",

@@ -81,8 +81,10 @@ def find_one_grid(seen: TargetImage, target: GridTarget) -> GridFinding:
     return finding
 
 
-def find_two_grids(seen: TargetImage, target: GridTarget, split: SplitLine) -> Mapping[Half, GridFinding]:
-    """The dots of both halves of an image taken through the biprism.
+def find_two_grids(
+    seen: TargetImage, target: GridTarget, split: SplitLine, needed: float = FOUND_LIMIT
+) -> Mapping[Half, GridFinding]:
+    """The dots of both halves of an image taken through the biprism; ``needed`` is the share that has to be found.
 
     Raises `CheckFailedError` when it is saturated or dark, dots are missing, or the biprism is not in view.
     """
@@ -95,7 +97,7 @@ def find_two_grids(seen: TargetImage, target: GridTarget, split: SplitLine) -> M
                 findings[half] = find_grid(seen.image, target, seen.pose, region=SplitRegion(split, half))
             except CheckFailedError as error:
                 raise _placed(error, where) from error
-            _require_complete(findings[half], target, seen.pose, where)
+            _require_complete(findings[half], target, seen.pose, where, needed)
     except CheckFailedError as error:
         if _finds(seen, target, None):
             raise CheckFailedError(
@@ -132,14 +134,16 @@ def expected_dots(target: GridTarget, pose: PoseName) -> int:
     return target.dots_per_face * (2 if pose == "corner" else 1)
 
 
-def _require_complete(finding: GridFinding, target: GridTarget, pose: PoseName, where: str) -> None:
+def _require_complete(
+    finding: GridFinding, target: GridTarget, pose: PoseName, where: str, needed: float = FOUND_LIMIT
+) -> None:
     expected = expected_dots(target, pose)
     if finding.saturated_fraction > SATURATED_LIMIT:
         raise CheckFailedError(
             f"{where}: {finding.saturated_fraction:.0%} of the pixels around the dots are saturated; shorten the "
             f"exposure or dim the light"
         )
-    if len(finding.index) < FOUND_LIMIT * expected:
+    if len(finding.index) < needed * expected:
         reasons = sorted({dot.reason for dot in finding.missing}) or ["not seen"]
         raise CheckFailedError(
             f"{where}: {len(finding.index)} of {expected} dots were found ({', '.join(reasons[:2])}); uncover the "

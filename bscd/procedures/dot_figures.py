@@ -76,7 +76,7 @@ def edge_sigma_px(patch: Image) -> float:
     down, across = np.gradient(smooth)
     slope = np.hypot(down, across)
     contrast = np.percentile(smooth, 95.0) - np.percentile(smooth, 5.0)
-    steepest = np.percentile(slope, 98.0)
+    steepest = np.percentile(slope, 99.5)
     if steepest <= 0.0:
         return float("inf")
     sigma = contrast / (steepest * np.sqrt(2.0 * np.pi))
