@@ -56,6 +56,14 @@ class EllipseFits:
         """Those at a selection (indices or booleans)."""
         return EllipseFits(*(getattr(self, name)[selection] for name in self.__dataclass_fields__))
 
+    def replaced(self, where: np.ndarray, better: EllipseFits) -> EllipseFits:
+        """These with the fits at some indices replaced."""
+        names = self.__dataclass_fields__
+        parts = {name: getattr(self, name).copy() for name in names}
+        for name in names:
+            parts[name][where] = getattr(better, name)
+        return EllipseFits(**parts)
+
     def joined(self, other: EllipseFits) -> EllipseFits:
         """These and the others."""
         names = self.__dataclass_fields__

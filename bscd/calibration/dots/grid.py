@@ -25,6 +25,7 @@ _OFF_PLACE_PX = 0.5  # at least; or so many spreads:
 _OFF_PLACE_SPREADS = 8.0
 _DIRTY = 4.0  # times the usual residual of the fit
 _DIRTY_SHARE = 0.06  # at least, of the dots' contrast
+_TIGHT = 1.25  # the window of a second try, where something bounds the dot closely
 _SIZE_TOLERANCE = 0.35
 _SATURATED_WARNING = 0.01
 _CONTRAST_WARNING = 0.08
@@ -108,6 +109,8 @@ def _measured(image: Image, part: LabelledPatch, blobs: Blobs, target: GridTarge
     near = view.overlaps(places, shapes)
     later = fit_ellipses(image, places[near], shapes[near], view.limits_px, reach)
     lattice, fits = np.concatenate([lattice, rest[near]]), fits.joined(later)
+    soiled = np.flatnonzero(fits.residual > _dirty_residual(fits))
+    fits = fits.replaced(soiled, fit_ellipses(image, fits.xy_px[soiled], fits.shape[soiled], view.limits_px, _TIGHT))
     sound = ~_faults(fits, lattice, face_map, radius, view).astype(bool)
     if sound.sum() >= _TOO_FEW:
         face_map = fit_face_map(lattice[sound], fits.xy_px[sound])
@@ -140,13 +143,18 @@ def _faults(fits: EllipseFits, lattice: FloatArray, face_map: FaceMap, radius: f
     size = np.sqrt(np.abs(np.linalg.det(fits.shape)) / np.linalg.det(shape))
     usual = np.nanmedian(size)
     depth = fits.contrast * fits.ground
-    dirty = np.fmax(_DIRTY * np.nanmedian(fits.residual), _DIRTY_SHARE * np.nanmedian(depth))
     fault[~(off < limit)] = "something else is where it should be"
     fault[~(np.abs(size / usual - 1.0) < _SIZE_TOLERANCE)] = "not seen as a dot of its size"
-    fault[fits.residual > dirty] = "not a clean dot (covered, dirty or out of focus)"
+    fault[fits.residual > _dirty_residual(fits)] = "not a clean dot (covered, dirty or out of focus)"
     fault[~(depth > 0.2 * np.nanmedian(depth))] = "too little contrast"
     cut = view.cut(np.where(fits.fitted[:, None], fits.xy_px, place), shape)
     return np.where(cut == "", fault, cut)
+
+
+def _dirty_residual(fits: EllipseFits) -> float:
+    """The residual (grey levels) above which something else than a dot is in the window."""
+    usual = np.nanmedian(fits.residual) if fits.fitted.any() else 0.0
+    return float(max(_DIRTY * usual, _DIRTY_SHARE * np.nanmedian(fits.contrast * fits.ground)))
 
 
 def _missing(target: GridTarget, face: int, place: FloatArray, face_map: FaceMap, reason: str) -> MissingDot:

@@ -23,7 +23,9 @@ _AREA_RATIO = 1.8
 _RIGHT, _DOWN, _LEFT, _UP = range(4)
 _STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (row, column)
 _SMALLEST = 4
-_MATCH = 0.2  # of the pitch, about a predicted place
+_MATCH = 0.15  # of the pitch, about a predicted place
+_SPARSE = 0.5  # of the usual number of dots in a line: less does not count as one
+_CONTINUES = 0.06  # of the pitch: how well a border line goes on from the others
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,18 @@ class Patch:
         """Positions ``(N, 2)`` (column, row)."""
         return np.stack([self.column, self.row], axis=-1).astype(np.float64)
 
-    def keep(self, selection: np.ndarray) -> Patch:
-        """The part at a selection, counted from 0 again."""
+    def keep(self, selection: np.ndarray, recount: bool = True) -> Patch:
+        """The part at a selection, counted from 0 again unless told not to."""
         row, column = self.row[selection], self.column[selection]
-        return Patch(self.member[selection], row - row.min(), column - column.min())
+        first_row, first_column = (row.min(), column.min()) if recount else (0, 0)
+        return Patch(self.member[selection], row - first_row, column - first_column)
 
 
 def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
-    """All lattices among the blobs, largest first, filled up with blobs that sit where their maps expect them."""
+    """All lattices among the blobs, largest first.
+
+    Filled up with blobs that sit where their maps expect them, without border lines that do not belong.
+    """
     if len(blobs) < _SMALLEST:
         return []
     links = _in_cells(_links(blobs, pitch_per_radius))
@@ -66,8 +72,9 @@ def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
         taken[patch.member] = True
     done = []
     for patch in patches:
-        done.append(_filled(patch, blobs, taken))
-        taken[done[-1].member] = True
+        filled = _filled(patch, blobs, taken)
+        taken[filled.member] = True
+        done.append(_trimmed(filled, blobs))
     return sorted(done, key=lambda p: -len(p.member))
 
 
@@ -186,6 +193,39 @@ def _filled(patch: Patch, blobs: Blobs, taken: np.ndarray) -> Patch:
     return Patch(member, row, column)
 
 
+def _trimmed(patch: Patch, blobs: Blobs) -> Patch:
+    """The patch without outermost rows or columns that are sparse or not where the rest of its map puts them.
+
+    A line too many would shift all labels; a true line lost here is found again from the map.
+    """
+    checking = True
+    while checking and min(patch.rows, patch.columns) > 2:
+        checking = False
+        for axis, values in ((0, patch.column), (1, patch.row)):
+            usual = np.median(np.bincount(values)[np.bincount(values) > 0])
+            for extreme in (0, int(values.max())):
+                line = values == extreme
+                if line.sum() < _SPARSE * usual or not _continues(patch, line, axis, blobs):
+                    patch, checking = patch.keep(~line), True
+                    break
+            if checking:
+                break
+    return patch
+
+
+def _continues(patch: Patch, line: np.ndarray, axis: int, blobs: Blobs) -> bool:
+    """Whether a border line is where, and as large as, the rest of the patch predicts."""
+    rest = patch.lattice[~line]
+    if len(np.unique(rest[:, axis])) < 3 or len(rest) < 2 * _SMALLEST:
+        return True
+    face_map = fit_face_map(rest, blobs.xy_px[patch.member[~line]], highest=3)
+    places = patch.lattice[line]
+    step = blobs.xy_px[patch.member[line]] - face_map.pixels(places)
+    off = np.einsum("nij,nj->ni", np.linalg.inv(face_map.jacobian(places)), step)
+    alike = _same_shape(face_map, places, blobs.shape[patch.member[line]], patch.keep(~line, recount=False), blobs)
+    return bool(np.linalg.norm(np.median(off, axis=0)) < _CONTINUES and alike.mean() > 0.5)
+
+
 def _places_around(lattice: IntArray) -> IntArray:
     """Free lattice places ``(M, 2)`` next to an occupied one, also diagonally."""
     low = lattice.min(0) - 1
@@ -197,7 +237,9 @@ def _places_around(lattice: IntArray) -> IntArray:
     return np.argwhere(near & ~occupied) + low
 
 
-def _same_shape(face_map: FaceMap, places: IntArray, shape: FloatArray, patch: Patch, blobs: Blobs) -> np.ndarray:
+def _same_shape(
+    face_map: FaceMap, places: IntArray | FloatArray, shape: FloatArray, patch: Patch, blobs: Blobs
+) -> np.ndarray:
     """Whether ellipses agree with those of the patch carried there by its map."""
     unit = np.linalg.inv(face_map.jacobian(patch.lattice))
     seen = unit @ blobs.shape[patch.member] @ np.swapaxes(unit, -1, -2)
@@ -205,4 +247,4 @@ def _same_shape(face_map: FaceMap, places: IntArray, shape: FloatArray, patch: P
     here = np.linalg.inv(face_map.jacobian(places))
     ratio = np.linalg.inv(usual) @ here @ shape @ np.swapaxes(here, -1, -2)
     trace, det = np.trace(ratio, axis1=-2, axis2=-1), np.linalg.det(ratio)
-    return (det > 0.4) & (det < 2.5) & (trace > 1.4) & (trace < 3.2)
+    return (det > 0.55) & (det < 1.8) & (trace > 1.5) & (trace < 2.8)

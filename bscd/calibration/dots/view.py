@@ -10,8 +10,9 @@ from bscd.arrays import FloatArray
 from bscd.calibration.dots.findings import SplitRegion
 from bscd.errors import InputError
 
-_GUARD_PX = 1.0  # pixels beside a line that was seen mix both halves
-_CUT_PX = 0.5  # a rim this far across is cut
+_GUARD_PX = 2.0  # pixels beside a line that was seen mix both halves
+_CUT_PX = 0.5  # a rim this far across the image's border is cut
+_CLEAR_OF_SPLIT_PX = 1.0  # a rim nearer to a line that was seen is taken as cut
 
 CUT_BY_SPLIT, CUT_BY_BORDER = "cut by the split line", "cut by the image's border"
 BEYOND_SPLIT, OUTSIDE = "beyond the split line", "outside the image"
@@ -45,7 +46,7 @@ class View2D:
         side = 1 if region.half == "left" else 0
         limits[:, side] = np.floor(line) - guard if side else np.ceil(line) + guard
         edge[:, side] = line
-        tolerance = _CUT_PX + (2.0 * region.split.sigma_px if region.split.found else 0.0)
+        tolerance = -_CLEAR_OF_SPLIT_PX if region.split.found else _CUT_PX
         return View2D(limits, edge, width, side, tolerance)
 
     @property
