@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 #: Below this many items one thread is quicker than starting several.
 SMALL = 4096
@@ -23,5 +24,5 @@ def run_in_bands(count: int, work: Callable[[int, int], None], *, small: int = S
     parts = 4 * cores
     bounds = [count * i // parts for i in range(parts + 1)]
     with ThreadPoolExecutor(cores, thread_name_prefix="twin-band") as pool:
-        for future in [pool.submit(work, first, last) for first, last in zip(bounds, bounds[1:], strict=False)]:
+        for future in [pool.submit(work, first, last) for first, last in pairwise(bounds)]:
             future.result()

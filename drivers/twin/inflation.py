@@ -8,11 +8,12 @@ modulus times undeformed thickness), so the one load parameter is ``load`` = p a
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from drivers.twin.optics import FloatArray
 
@@ -79,7 +80,9 @@ def _shoot(stretch, load, radius, height, radial, cosine):
         s = i * h
         r1, z1, q1, c = _slopes(s, r, q, load)
         radius[i], height[i], radial[i], cosine[i] = r, z, q, c
-        if i == steps or np.isnan(r1) or q < 1.0:  # too little stretch to bear the load: no shape, however it ends
+        if np.isnan(r1) or q < 1.0:  # too little stretch to bear the load: no shape, however it ends
+            return np.nan
+        if i == steps:
             break
         r2, z2, q2, _ = _slopes(s + h / 2, r + h / 2 * r1, q + h / 2 * q1, load)
         r3, z3, q3, _ = _slopes(s + h / 2, r + h / 2 * r2, q + h / 2 * q2, load)
@@ -87,7 +90,13 @@ def _shoot(stretch, load, radius, height, radial, cosine):
         r += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4)
         z += h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
         q += h / 6 * (q1 + 2 * q2 + 2 * q3 + q4)
-    return r if i == steps and not np.isnan(r1) and q >= 1.0 else np.nan
+    return r
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """The root of a function that changes sign between two arguments."""
+    result = root_scalar(function, method="brentq", bracket=(low, high), xtol=1e-15, rtol=1e-14)
+    return float(result.root)
 
 
 class _Shooter:
@@ -117,7 +126,7 @@ def solve(load: float) -> Meridian:
         low = float(high)
     else:
         raise ValueError(f"the membrane can not bear the load p a / (mu H) = {load:.3g}; lower the pressure")
-    stretch = brentq(shooter.excess, low, float(high), args=(load,), xtol=1e-15, rtol=1e-14)
+    stretch = _root(lambda s: shooter.excess(s, load), low, float(high))
     shooter.excess(stretch, load)
     radius, height, radial, cosine = shooter.arrays
     hoop = np.divide(radius, material, out=np.full(STEPS + 1, stretch), where=material > 0.0)
@@ -133,4 +142,4 @@ def load_for_rise(rise: float) -> float:
         except ValueError:
             return 1.0
 
-    return float(brentq(excess, 0.0, 4.0, xtol=1e-14, rtol=1e-13))
+    return _root(excess, 0.0, 4.0)

@@ -42,7 +42,7 @@ class Membrane:
 
     @property
     def load_per_kpa(self) -> float:
-        """p a / (mu H) of 1 kPa, from the calibration point."""
+        """The load p a / (mu H) of 1 kPa, from the calibration point."""
         options = self.options
         return _calibrated_load(options.calibration_rise_mm / options.radius_mm) / options.calibration_kpa
 
@@ -52,7 +52,7 @@ class Membrane:
         return 1e-3 * self.options.radius_mm / (self.options.thickness_mm * self.load_per_kpa)
 
     def meridian(self, pressure_kpa: float) -> Meridian:
-        """The solved shape in units of the radius. Raises `ValueError` for a pressure that the membrane can not bear."""
+        """The solved shape in units of the radius. Raises `ValueError` where the membrane can not bear it."""
         try:
             return _meridian(pressure_kpa * self.load_per_kpa)
         except ValueError as err:
@@ -84,9 +84,10 @@ class Membrane:
         return (np.stack(stretches, axis=-1) ** 2 - 1.0) / 2.0
 
     def polynomials(self, pressure_kpa: float) -> tuple[float, ...]:
-        """Coefficients for `hit_membrane`: the pole's height, then of the height (mm) and of R / r, highest power first.
+        """Numbers for the ray kernels: the pole's height, then 15 coefficients of the height (mm) and 15 of R / r.
 
-        As functions of (r / a)^2 both are analytic; the polynomials follow the solution to 1e-7 mm up to 16 kPa.
+        Highest power first. As functions of (r / a)^2 both are analytic; the polynomials follow the solution to
+        1e-7 mm up to 16 kPa.
         """
         a, shape = self.options.radius_mm, self.meridian(pressure_kpa)
         squared = shape.radius**2

@@ -25,9 +25,9 @@ from drivers.twin.trace import Rays, pack_prism
 class SurfacePoints:
     """Where rays meet the speckled body; NaN where they miss it.
 
-    ``material_mm`` ``(N, 2)``: the material point (on the flat membrane, x' and y'; on the sphere, arc length from the
-    front pole along x and z); it keeps its speckle. ``xyz_mm`` ``(N, 3)``: its place in the world. ``speckled`` ``(N,)``:
-    whether it is speckled surface (not the membrane's clamping ring).
+    ``material_mm`` ``(N, 2)``: the material point, which keeps its speckle: x' and y' on the flat membrane; on the
+    sphere its place in the equal-area chart about the front pole, along x and z. ``xyz_mm`` ``(N, 3)``: where it is in
+    the world. ``speckled`` ``(N,)``: whether it is speckled surface (not the membrane's clamping ring).
     """
 
     material_mm: FloatArray

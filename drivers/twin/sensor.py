@@ -68,7 +68,8 @@ def digitise(
         shot = top * gain / electrons_full_scale(sensor)
         read = sensor.read_noise_grey * gain * top / 255.0
     noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
-    out = np.empty(irradiance.shape, np.uint8 if sensor.bits == 8 else np.uint16)
+    out: NDArray[np.uint8] | NDArray[np.uint16]
+    out = np.empty(irradiance.shape, np.uint8) if sensor.bits == 8 else np.empty(irradiance.shape, np.uint16)
     run_in_bands(
         len(out),
         lambda first, last: _digitise(first, last, irradiance, noise, scale, shot, read, top, out),

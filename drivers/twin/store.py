@@ -6,21 +6,24 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Generic, TypeVar
 
 from drivers.twin.sensor import FloatImage
 
+Key = TypeVar("Key", bound=Hashable)
 
-class FrameStore:
+
+class FrameStore(Generic[Key]):
     """Renders each key once; the least recently used frames go when memory runs out.
 
     ``render`` is called with a key, from any thread.
     """
 
-    def __init__(self, render: Callable[[Hashable], FloatImage], memory_bytes: int) -> None:
+    def __init__(self, render: Callable[[Key], FloatImage], memory_bytes: int) -> None:
         self._render = render
         self._memory_bytes = memory_bytes
-        self._frames: OrderedDict[Hashable, FloatImage] = OrderedDict()
-        self._queued: dict[Hashable, Future[FloatImage]] = {}
+        self._frames: OrderedDict[Key, FloatImage] = OrderedDict()
+        self._queued: dict[Key, Future[FloatImage]] = {}
         self._lock = threading.Lock()
         self._ahead: ThreadPoolExecutor | None = None
 
@@ -29,7 +32,7 @@ class FrameStore:
         with self._lock:
             return len(self._frames)
 
-    def get(self, key: Hashable) -> FloatImage:
+    def get(self, key: Key) -> FloatImage:
         """The frame of a key, read-only: kept, under way in the background, or rendered now."""
         with self._lock:
             frame = self._kept(key)
@@ -41,7 +44,7 @@ class FrameStore:
             return frame
         return self._render_and_keep(key) if queued is None else queued.result()
 
-    def prepare(self, keys: Iterable[Hashable]) -> None:
+    def prepare(self, keys: Iterable[Key]) -> None:
         """Render in the background what is not kept yet, in this order; returns at once."""
         with self._lock:
             for key in keys:
@@ -71,13 +74,13 @@ class FrameStore:
         with self._lock:
             self._frames.clear()
 
-    def _kept(self, key: Hashable) -> FloatImage | None:
+    def _kept(self, key: Key) -> FloatImage | None:
         frame = self._frames.get(key)
         if frame is not None:
             self._frames.move_to_end(key)
         return frame
 
-    def _render_and_keep(self, key: Hashable) -> FloatImage:
+    def _render_and_keep(self, key: Key) -> FloatImage:
         try:
             frame = self._render(key)
         except BaseException:

@@ -197,11 +197,11 @@ def project_point(point, column, row, cam, prism, face):
         column += dc
         row += dr
         change = abs(dc) + abs(dr)
-        if np.isnan(change) or change < 1e-9:
+        if np.isnan(change):
             break
-    if not change < 1e-7:
-        return np.nan, np.nan
-    return column, row
+        if change < 1e-9:
+            return column, row
+    return np.nan, np.nan
 
 
 @njit(cache=True, nogil=True)

@@ -38,6 +38,11 @@ def camera_optics(geometry: CameraGeometry) -> CameraOptics:
     )
 
 
+def _vector(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
 class World:
     """The rig's physical state and its images.
 
@@ -82,14 +87,16 @@ class World:
         rotation, translation = self._read("rotation_deg"), self._read("translation_mm")
         with self._lock:
             self._scene = scene
-            mounted = (0.0, 0.0) if scene in ("cube", "empty") else (rotation, translation)
-            self._placement = Placement(tuple(shift_mm), tuple(turn_deg), *mounted)
+            if scene in ("cube", "empty"):
+                rotation = translation = 0.0
+            self._placement = Placement(_vector(shift_mm), _vector(turn_deg), rotation, translation)
 
     def state(self) -> RigState:
         """The state of the rig now."""
-        values = [self._read(q) for q in ("rotation_deg", "translation_mm", "jack_mm", "pressure_kpa")]
+        rotation, translation = self._read("rotation_deg"), self._read("translation_mm")
+        jack, pressure = self._read("jack_mm"), self._read("pressure_kpa")
         with self._lock:
-            return RigState(*values, self._scene, self._placement)
+            return RigState(rotation, translation, jack, pressure, self._scene, self._placement)
 
     def quantised(self, state: RigState) -> RigState:
         """A state made by hand, rounded as `state` rounds, so that prepared frames are found again."""
