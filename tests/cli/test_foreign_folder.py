@@ -1,5 +1,6 @@
 """A folder of images with a manifest that another program left must calibrate; bad ones get one clear line."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -62,12 +63,12 @@ def test_it_calibrates_to_the_floor(rig, calibration):
 
 
 def changed(folder: Path, tmp_path: Path, edit=None, **images) -> Path:
-    """The folder again (linked), with an edited manifest, and images replaced or (None) left out."""
+    """The folder again (hard links), with an edited manifest, and images replaced or (None) left out."""
     new = tmp_path / "folder"
     new.mkdir()
     for path in folder.iterdir():
         if path.name not in images and path.name != "manifest.csv":
-            (new / path.name).symlink_to(path)
+            os.link(path, new / path.name)
     text = (folder / "manifest.csv").read_text()
     (new / "manifest.csv").write_text(edit(text) if edit else text)
     for name, image in images.items():

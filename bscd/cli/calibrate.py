@@ -1,0 +1,81 @@
+"""`bscd calibrate`: a calibration from two run files, offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bscd.acquisition import RunFile
+from bscd.calibration import Calibration, CalibrationChoices
+from bscd.calibration.calibration import ReferenceKind
+from bscd.calibration.maps import Interpolant
+from bscd.calibration.shifts import ShiftSolver
+from bscd.calibration.triangulation import TriangulationMethod
+from bscd.cli.following import following
+from bscd.config import parse_target
+from bscd.errors import InputError
+from bscd.procedures import calibrate_runs
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @app.command()
+    def calibrate(
+        reference: Annotated[Path, typer.Argument(help="Run file with the reference scan, biprism lowered.")],
+        bsc: Annotated[Path, typer.Argument(help="Run file with the biprism scan; may be the same file.")],
+        out: Annotated[Path, typer.Option("-o", "--out", help="The calibration file to make; it must not exist.")],
+        reference_points: Annotated[
+            ReferenceKind, typer.Option("--reference", help="Source of the reference points.")
+        ] = "lattice",
+        solver: Annotated[ShiftSolver, typer.Option(help="How the image shifts are found.")] = "projection",
+        interpolant: Annotated[Interpolant, typer.Option(help="How the maps fill the volume.")] = "smooth",
+        triangulation: Annotated[TriangulationMethod, typer.Option(help="How points are triangulated.")] = "optimal",
+        degree: Annotated[int, typer.Option(min=1, max=4, help="Total degree of the smooth maps.")] = 4,
+    ) -> None:
+        """Calibrate the biprism system from its two scans.
+
+        The target's geometry comes from the run files' configuration.
+
+        Example: bscd calibrate reference.h5 bsc.h5 -o calibration.h5
+        """
+        if out.exists():
+            raise InputError(f"{out}: exists already; calibrations are never overwritten, choose another name")
+        choices = CalibrationChoices(reference_points, solver, interpolant, triangulation, degree)
+        made = calibrate_files(reference, bsc, choices)
+        made.save(out)
+        for line in describe(made):
+            typer.echo(line)
+        typer.echo(f"{out}: checksum {made.checksum}")
+
+
+def calibrate_files(reference: Path, bsc: Path, choices: CalibrationChoices) -> Calibration:
+    """Calibrate from two run files (or one that holds both scans)."""
+    with RunFile(reference) as reference_run, RunFile(bsc) as bsc_run:
+        texts = [parse_target(run.config_text, f"{run.path}, configuration").target for run in (reference_run, bsc_run)]
+        if texts[0] != texts[1]:
+            raise InputError(f"{reference} and {bsc} name different targets; scan the same target twice")
+        with following("Calibration", "images") as progress:
+            return calibrate_runs(
+                reference_run,
+                bsc_run,
+                texts[0].grid(),
+                choices,
+                progress=progress,
+                warn=lambda text: typer.echo(f"warning: {text}", err=True),
+            )
+
+
+def describe(calibration: Calibration) -> list[str]:
+    """What a calibration is worth, a line each."""
+    figures = calibration.figures
+    return [
+        f"standard stereo error {figures['standard_stereo_error_mean_mm']:.4f} +- "
+        f"{figures['standard_stereo_error_std_mm']:.4f} mm over {figures['standard_stereo_points']:.0f} points",
+        f"maps from {figures['control_points']:.0f} control points at {figures['positions']:.0f} positions, "
+        f"residual {figures['map_residual_rms_px']:.4f} px rms; {calibration.choices.reference} reference, "
+        f"{calibration.choices.solver} shifts, {calibration.choices.interpolant} maps, "
+        f"{calibration.choices.triangulation} triangulation",
+    ]
