@@ -2,7 +2,7 @@
 
 from bscd.procedures.align import align_biprism, align_cameras
 from bscd.procedures.align_items import AlignmentItem, AlignmentReport
-from bscd.procedures.calibrate import calibrate_runs
+from bscd.procedures.calibrate import calibrate_observations, calibrate_runs
 from bscd.procedures.dry_run import DryRun, dry_run
 from bscd.procedures.home import Homed, home
 from bscd.procedures.observe import MissingInView, Observations, observe
@@ -31,6 +31,7 @@ __all__ = [
     "ScanStep",
     "align_biprism",
     "align_cameras",
+    "calibrate_observations",
     "calibrate_runs",
     "check_calibration",
     "dry_run",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bscd.calibration.dots.split import find_split
+from bscd.calibration.dots import find_split
 from bscd.calibration.observations import PoseName
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -46,26 +46,42 @@ def calibrate_runs(
     """
     seen_reference = observe(reference, target, "reference", progress=_part(progress, "reference scan"))
     seen_bsc = observe(bsc, target, "bsc", progress=_part(progress, "biprism scan"))
-    if seen_reference.image_size_px != seen_bsc.image_size_px:
-        raise InputError(
-            f"{bsc.path}: its images are {seen_bsc.image_size_px} px, those of {reference.path} "
-            f"{seen_reference.image_size_px} px; use one setting of the primary camera for both scans"
-        )
     if warn is not None:
         for text in dict.fromkeys((*seen_reference.warnings, *seen_bsc.warnings)):
             warn(text)
+    return calibrate_observations(seen_reference, seen_bsc, target, choices, origins=_origins(reference, bsc, now()))
+
+
+def calibrate_observations(
+    reference: Observations,
+    bsc: Observations,
+    target: GridTarget,
+    choices: CalibrationChoices | None = None,
+    *,
+    origins: Mapping[str, str] | None = None,
+) -> Calibration:
+    """Calibrate from the dots of both scans.
+
+    Raises `InputError` when the images differ in size, the biprism was not raised for the one scan alone, and for
+    what `bscd.calibration.calibrate` refuses.
+    """
+    if reference.image_size_px != bsc.image_size_px:
+        raise InputError(
+            f"calibration: the biprism scan's images are {bsc.image_size_px} px, the reference scan's "
+            f"{reference.image_size_px} px; use one setting of the primary camera for both"
+        )
     return calibrate(
-        seen_reference.views,
-        seen_bsc.views,
+        reference.views,
+        bsc.views,
         target,
-        seen_bsc.image_size_px,
+        bsc.image_size_px,
         choices,
-        origins=_origins(reference, bsc, now()),
-        jack_mm=_raised_mm(seen_reference, seen_bsc, bsc),
+        origins=origins,
+        jack_mm=_raised_mm(reference, bsc),
     )
 
 
-def _raised_mm(reference: Observations, bsc: Observations, run: RunFile) -> float:
+def _raised_mm(reference: Observations, bsc: Observations) -> float:
     """The jacks' height in the biprism scan, mm; NaN when it was not recorded.
 
     Raises `InputError` when the biprism was moved during that scan, or stood no higher than in the reference scan.
@@ -76,13 +92,13 @@ def _raised_mm(reference: Observations, bsc: Observations, run: RunFile) -> floa
     low, high = min(heights), max(heights)
     if high - low > JACK_TOLERANCE_MM:
         raise InputError(
-            f"{run.path}: the jacks moved from {low:g} to {high:g} mm during the biprism scan; scan again without "
+            f"calibration: the jacks moved from {low:g} to {high:g} mm during the biprism scan; scan again without "
             f"moving the biprism"
         )
     lowered = [height for height in reference.jack_mm if not math.isnan(height)]
     if lowered and max(lowered) >= low:
         raise InputError(
-            f"{run.path}: the jacks stood at {low:g} mm in the biprism scan and at {max(lowered):g} mm in the "
+            f"calibration: the jacks stood at {low:g} mm in the biprism scan and at {max(lowered):g} mm in the "
             f"reference scan; raise the biprism for the one and lower it for the other"
         )
     return sum(heights) / len(heights)

@@ -8,9 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from bscd.calibration.dots import GridFinding, SplitLine, SplitRegion, find_grid
+from bscd.calibration.dots import GridFinding, SplitLine, SplitRegion, find_grid, find_split
 from bscd.calibration.dots.findings import Image
-from bscd.calibration.dots.split import find_split
 from bscd.calibration.observations import PoseName
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError

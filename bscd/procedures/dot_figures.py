@@ -13,6 +13,7 @@ from bscd.calibration.dots.findings import Image
 from bscd.calibration.target import GridTarget
 
 _SMOOTHING_PX = 1.0
+_DIFFERENCE_VARIANCE_PX2 = 1.0 / 3.0  # a central difference is a mean slope over two pixels
 _MOST_DOTS = 60
 
 
@@ -70,7 +71,7 @@ def edge_sigma_px(patch: Image) -> float:
     """Gaussian blur (sigma, px) of the dot's edge in a patch that holds one dot and its surroundings.
 
     A step of height C blurred by sigma has the steepest slope C / (sigma sqrt(2 pi)); the smoothing that is
-    added against noise is taken off again.
+    added against noise, and that of the finite difference, are taken off again.
     """
     smooth = gaussian_filter(np.asarray(patch, np.float64), _SMOOTHING_PX)
     down, across = np.gradient(smooth)
@@ -80,7 +81,7 @@ def edge_sigma_px(patch: Image) -> float:
     if steepest <= 0.0:
         return float("inf")
     sigma = contrast / (steepest * np.sqrt(2.0 * np.pi))
-    return float(np.sqrt(max(sigma**2 - _SMOOTHING_PX**2, 0.0)))
+    return float(np.sqrt(max(sigma**2 - _SMOOTHING_PX**2 - _DIFFERENCE_VARIANCE_PX2, 0.0)))
 
 
 def _patches(image: Image, xy_px: FloatArray, radius_px: float) -> list[Image]:

@@ -10,29 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bscd.acquisition import CameraName, FrameMean, PhaseName, RunFile, RunState
+from bscd.acquisition import FrameMean, PhaseName, RunFile
 from bscd.calibration import GridTarget, View
 from bscd.calibration import observations as vocabulary
-from bscd.calibration.dots import GridFinding, MissingDot, SplitLine
-from bscd.calibration.dots.split import find_split
+from bscd.calibration.dots import GridFinding, MissingDot, SplitLine, find_split
 from bscd.errors import CheckFailedError, InputError
 from bscd.procedures.checks import TargetImage, find_one_grid, find_two_grids, middle_regions
 from bscd.procedures.progress import Progress, ProgressCallback
 from bscd.procedures.recipes import ScanKind
+from bscd.procedures.scan_contents import CAMERAS_OF, PHASES_OF, POSES, require_phases, scan_groups, scan_places, where
 
 THREADS = 2
 _SPLIT_IMAGES = 12
-_POSES: dict[str, vocabulary.PoseName] = {
-    "reference-corner": "corner",
-    "reference-face": "face",
-    "bsc-corner": "corner",
-    "bsc-face": "face",
-}
-_PHASES: dict[ScanKind, tuple[PhaseName, PhaseName]] = {
-    "reference": ("reference-corner", "reference-face"),
-    "bsc": ("bsc-corner", "bsc-face"),
-}
-_CAMERAS: dict[ScanKind, tuple[CameraName, ...]] = {"reference": ("primary", "auxiliary"), "bsc": ("primary",)}
 
 
 @dataclass(frozen=True)
@@ -87,13 +76,13 @@ def observe(
         Images that can not be used: saturated, dots missing, the biprism in the wrong place. The message says
         what is wrong with the first, and how many there are.
     """
-    needed = _PHASES[kind] if phases is None else tuple(phases)
-    warnings = _require_phases(run, kind, needed)
+    needed = PHASES_OF[kind] if phases is None else tuple(phases)
+    warnings = require_phases(run, kind, needed)
     split = None
     if kind == "bsc":
         split, told = _find_split(run, needed)
         warnings += told
-    wanted = [group for camera in _CAMERAS[kind] for group in _places(run, camera, needed)]
+    wanted = [group for camera in CAMERAS_OF[kind] for group in scan_places(run, camera, needed)]
     found = list(_find_all(run, target, kind, needed, split, threads, progress, len(wanted)))
     views, missing, failures = [], [], []
     for group, outcome in found:
@@ -104,7 +93,7 @@ def observe(
             view = _view(group, name, finding, run)
             views.append(view)
             missing += [MissingInView(name, view.pose, view.position, dot) for dot in finding.missing]
-            warnings += [f"{_where(group)}, {name} view: {text}" for text in finding.warnings]
+            warnings += [f"{where(group)}, {name} view: {text}" for text in finding.warnings]
     if failures:
         more = f" ({len(failures)} of {len(found)} images can not be used)" if len(failures) > 1 else ""
         raise CheckFailedError(f"{run.path}: {failures[0]}{more}")
@@ -137,12 +126,12 @@ def _find_all(
         outcome = future.result()
         done += 1
         if progress is not None:
-            progress(Progress(done, total, _where(group)))
+            progress(Progress(done, total, where(group)))
         # the image is not needed any more, its readings are
         return _without_image(group), outcome
 
     with ThreadPoolExecutor(threads, thread_name_prefix="dots") as pool:
-        for group in _groups(run, kind, phases):
+        for group in scan_groups(run, kind, phases):
             waiting.append((group, pool.submit(find, group)))
             if len(waiting) > 2 * threads:
                 yield finish()
@@ -155,7 +144,7 @@ def _finder(
 ) -> Callable[[FrameMean], _Found | CheckFailedError]:
     def find(group: FrameMean) -> _Found | CheckFailedError:
         full_scale = float(2 ** run.cameras[group.camera].bit_depth - 1)
-        seen = TargetImage(group.data, full_scale, _POSES[group.phase], _where(group))
+        seen = TargetImage(group.data, full_scale, POSES[group.phase], where(group))
         try:
             if kind == "reference":
                 return [(group.camera, find_one_grid(seen, target))]
@@ -168,12 +157,12 @@ def _finder(
 
 def _find_split(run: RunFile, phases: Sequence[PhaseName]) -> tuple[SplitLine | None, list[str]]:
     """The split line from images all over the scan."""
-    places = _places(run, "primary", phases)
+    places = scan_places(run, "primary", phases)
     chosen = set(places[:: max(1, math.ceil(len(places) / _SPLIT_IMAGES))])
     dtype = run.cameras["primary"].dtype
     images = [
         np.rint(group.data).astype(dtype)
-        for group in _groups(run, "bsc", phases)
+        for group in scan_groups(run, "bsc", phases)
         if (group.phase, group.target_position) in chosen
     ]
     try:
@@ -183,59 +172,13 @@ def _find_split(run: RunFile, phases: Sequence[PhaseName]) -> tuple[SplitLine | 
     return split, []
 
 
-def _groups(run: RunFile, kind: ScanKind, phases: Sequence[PhaseName]) -> Iterator[FrameMean]:
-    for camera in _CAMERAS[kind]:
-        for phase in phases:
-            yield from run.groups(camera, phase)
-
-
-def _places(run: RunFile, camera: CameraName, phases: Sequence[PhaseName]) -> list[tuple[str, int | None]]:
-    """Phase and k of every position that a camera saw."""
-    places: dict[tuple[str, int | None], None] = {}
-    for phase in phases:
-        for row in run.table(camera, phase):
-            if row["status"] == "ok":
-                k = float(row["target_position"])
-                places[phase, None if math.isnan(k) else int(k)] = None
-    return list(places)
-
-
-def _require_phases(run: RunFile, kind: ScanKind, phases: Sequence[PhaseName]) -> list[str]:
-    """Raise when a camera or phase is missing; warn of positions that not every camera saw."""
-    seen_by: dict[str, set[tuple[str, int | None]]] = {}
-    for camera in _CAMERAS[kind]:
-        if camera not in run.cameras:
-            raise InputError(
-                f"{run.path}: it has no {camera} camera, a {kind} scan needs {' and '.join(_CAMERAS[kind])}"
-            )
-        seen_by[camera] = set(_places(run, camera, phases))
-        for phase in phases:
-            if not any(place[0] == phase for place in seen_by[camera]):
-                there = sorted({str(name) for name in run.table()["phase"]})
-                raise InputError(
-                    f"{run.path}: it has no {phase} frames of the {camera} camera (it has "
-                    f"{', '.join(there) or 'none'}); record or import them"
-                )
-    warnings = []
-    common = set.intersection(*seen_by.values())
-    for camera, places in seen_by.items():
-        warnings += [
-            f"{run.path}: {phase}, POS.{k:+d} was seen by the {camera} camera only and is left out"
-            for phase, k in sorted(places - common, key=str)
-            if k is not None
-        ]
-    if run.state is RunState.INTERRUPTED:
-        warnings.append(f"{run.path}: the recording was interrupted ({run.reason}); what is there is used")
-    return warnings
-
-
 def _view(group: FrameMean, name: vocabulary.CameraName, finding: GridFinding, run: RunFile) -> View:
     if group.target_position is None or not math.isfinite(group.y_mm):
         lacking = "target_position" if group.target_position is None else "y_mm"
-        raise InputError(f"{run.path}: {_where(group)}: {lacking} is not known; give it in the manifest")
+        raise InputError(f"{run.path}: {where(group)}: {lacking} is not known; give it in the manifest")
     return View(
         camera=name,
-        pose=_POSES[group.phase],
+        pose=POSES[group.phase],
         position=group.target_position,
         y_mm=group.y_mm,
         rotation_deg=group.rotation_deg,
@@ -258,8 +201,3 @@ def _without_image(group: FrameMean) -> FrameMean:
         jack_mm=group.jack_mm,
         pressure_kpa=group.pressure_kpa,
     )
-
-
-def _where(group: FrameMean) -> str:
-    place = "" if group.target_position is None else f", POS.{group.target_position:+d}"
-    return f"{group.camera} camera, {group.phase}{place}"

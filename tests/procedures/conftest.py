@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from bscd.acquisition import RunFile
-from bscd.procedures import ScanRecipe, record_scan, record_validation
+from bscd.procedures import Observations, ScanRecipe, observe, record_scan, record_validation
 from tests.procedures.twin_rig import TARGET, TwinRig
 
 REFERENCE = ScanRecipe(kind="reference", positions=5, step_mm=4.0, frames_per_position=1)
@@ -33,3 +33,10 @@ def runs(recorded: dict[str, Path]):
     yield opened
     for run in opened.values():
         run.close()
+
+
+@pytest.fixture(scope="session")
+def observed(recorded: dict[str, Path]) -> dict[str, Observations]:
+    """The dots of the reference scan and of the biprism scan."""
+    with RunFile(recorded["reference"]) as reference, RunFile(recorded["bsc"]) as bsc:
+        return {"reference": observe(reference, TARGET, "reference"), "bsc": observe(bsc, TARGET, "bsc")}

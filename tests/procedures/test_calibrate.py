@@ -8,8 +8,14 @@ import pytest
 from bscd.acquisition import RunFile, RunWriter
 from bscd.calibration import Calibration, CalibrationChoices
 from bscd.errors import CheckFailedError, InputError
-from bscd.procedures import Progress, calibrate_runs, check_calibration, validate_run
-from tests.procedures.test_observe import rewritten
+from bscd.procedures import (
+    Observations,
+    Progress,
+    calibrate_observations,
+    calibrate_runs,
+    check_calibration,
+    validate_run,
+)
 from tests.procedures.twin_rig import TARGET, TwinRig
 
 CHOICES = CalibrationChoices(degree=3)
@@ -56,45 +62,32 @@ class TestCalibrate:
         assert np.allclose(again.control.reference_mm, calibration.control.reference_mm)
         assert {progress.doing.split(":")[0] for progress in said} == {"reference scan", "biprism scan"}
 
-    def test_too_few_positions(self, runs: dict[str, RunFile], tmp_path: Path) -> None:
-        def three(record):
-            return record if abs(record.target_position) < 2 else None
-
-        with (
-            rewritten(runs["bsc"], tmp_path / "few.h5", three) as few,
-            pytest.raises(InputError, match="seen at 3 positions, maps of degree 3 need at least 4"),
-        ):
-            calibrate_runs(runs["reference"], few, TARGET, CHOICES)
+    def test_too_few_positions(self, observed: dict[str, Observations]) -> None:
+        few = replace(observed["bsc"], views=tuple(view for view in observed["bsc"].views if abs(view.position) < 2))
+        with pytest.raises(InputError, match="seen at 3 positions, maps of degree 3 need at least 4"):
+            calibrate_observations(observed["reference"], few, TARGET, CHOICES)
 
     @pytest.mark.parametrize(
         ("change", "said"),
         [
-            (lambda record: replace(record, y_mm=record.y_mm + 0.1), "do not belong together"),
-            (lambda record: replace(record, jack_mm=70.0 + record.target_position), "jacks moved from 68 to 72 mm"),
-            (lambda record: replace(record, jack_mm=5.0), "raise the biprism for the one and lower it"),
+            (lambda seen: moved(seen, 0.1), "do not belong together"),
+            (lambda seen: replace(seen, jack_mm=(70.0, 70.0, 68.0)), "jacks moved from 68 to 70 mm"),
+            (lambda seen: replace(seen, jack_mm=(5.0,) * 6), "raise the biprism for the one and lower it"),
+            (lambda seen: replace(seen, image_size_px=(1280, 1024)), "one setting of the primary camera"),
         ],
-        ids=["another mounting", "jacks moved", "jacks not raised"],
+        ids=["another mounting", "jacks moved", "jacks not raised", "another image size"],
     )
-    def test_scans_that_do_not_belong_together(self, runs: dict[str, RunFile], tmp_path: Path, change, said) -> None:
-        with rewritten(runs["bsc"], tmp_path / "changed.h5", change) as changed, pytest.raises(InputError, match=said):
-            calibrate_runs(runs["reference"], changed, TARGET, CHOICES)
+    def test_scans_that_do_not_belong_together(self, observed: dict[str, Observations], change, said: str) -> None:
+        with pytest.raises(InputError, match=said):
+            calibrate_observations(observed["reference"], change(observed["bsc"]), TARGET, CHOICES)
 
-    def test_runs_without_jacks_calibrate(self, runs: dict[str, RunFile], tmp_path: Path) -> None:
-        def unknown(record):
-            return replace(record, jack_mm=float("nan"))
+    def test_scans_without_jacks_calibrate(self, observed: dict[str, Observations]) -> None:
+        unknown = replace(observed["bsc"], jack_mm=(float("nan"),) * 6)
+        assert np.isnan(calibrate_observations(observed["reference"], unknown, TARGET, CHOICES).jack_mm)
 
-        with rewritten(runs["bsc"], tmp_path / "changed.h5", unknown) as changed:
-            assert np.isnan(calibrate_runs(runs["reference"], changed, TARGET, CHOICES).jack_mm)
 
-    def test_warnings_are_handed_on(self, runs: dict[str, RunFile], tmp_path: Path) -> None:
-        said: list[str] = []
-
-        def one_less(record):
-            return None if (record.camera, record.target_position) == ("auxiliary", 2) else record
-
-        with rewritten(runs["reference"], tmp_path / "changed.h5", one_less) as changed:
-            calibrate_runs(changed, runs["bsc"], TARGET, CHOICES, warn=said.append)
-        assert any("seen by the primary camera only" in text for text in said)
+def moved(seen: Observations, y_mm: float) -> Observations:
+    return replace(seen, views=tuple(replace(view, y_mm=view.y_mm + y_mm) for view in seen.views))
 
 
 class TestValidate:

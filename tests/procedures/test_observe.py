@@ -7,7 +7,7 @@ import pytest
 from bscd.acquisition import CameraMeta, RunFile, RunWriter
 from bscd.calibration import GridTarget
 from bscd.errors import CheckFailedError, InputError
-from bscd.procedures import Progress, observe, record_scan
+from bscd.procedures import Observations, Progress, observe, record_scan
 from tests.procedures.conftest import BSC
 from tests.procedures.twin_rig import TARGET, TwinRig
 
@@ -35,8 +35,8 @@ def truth_px(camera: str, pose: str, y_mm: float, side: int, index) -> np.ndarra
 
 
 class TestWhatIsSeen:
-    def test_reference_views_are_where_the_twin_puts_the_dots(self, runs: dict[str, RunFile]) -> None:
-        seen = observe(runs["reference"], TARGET, "reference")
+    def test_reference_views_are_where_the_twin_puts_the_dots(self, observed: dict[str, Observations]) -> None:
+        seen = observed["reference"]
         assert len(seen.views) == 12
         assert {view.camera for view in seen.views} == {"primary", "auxiliary"}
         assert seen.image_size_px == (640, 512)
@@ -47,8 +47,8 @@ class TestWhatIsSeen:
             assert np.abs(off).max() < 0.15
             assert np.abs(off.mean(axis=0)).max() < 0.02
 
-    def test_biprism_views_are_where_the_twin_puts_the_dots(self, runs: dict[str, RunFile]) -> None:
-        seen = observe(runs["bsc"], TARGET, "bsc")
+    def test_biprism_views_are_where_the_twin_puts_the_dots(self, observed: dict[str, Observations]) -> None:
+        seen = observed["bsc"]
         assert [(view.camera, view.pose, view.position) for view in seen.views[:3]] == [
             ("left", "corner", 0),
             ("right", "corner", 0),
@@ -73,9 +73,10 @@ class TestWhatIsSeen:
         with RunFile(tmp_path / "scan.h5") as run:
             assert len(observe(run, TARGET, "bsc").views) == 4
 
-    def test_covered_dots_are_named_with_reasons(self, runs: dict[str, RunFile], tmp_path: Path) -> None:
-        with RunFile(runs["bsc"].path) as run:
-            covered = observe(run, TARGET, "bsc").views[2]
+    def test_covered_dots_are_named_with_reasons(
+        self, runs: dict[str, RunFile], observed: dict[str, Observations], tmp_path: Path
+    ) -> None:
+        covered = observed["bsc"].views[2]
         assert (covered.camera, covered.pose) == ("left", "face")
         middle = covered.xy_px[100]
 
@@ -105,7 +106,7 @@ class TestWhatIsRefused:
 
         with (
             rewritten(runs["bsc"], tmp_path / "changed.h5", no_corner) as run,
-            pytest.raises(InputError, match="no bsc-corner frames of the primary camera .it has bsc-face"),
+            pytest.raises(InputError, match=r"no bsc-corner frames of the primary camera \(it has bsc-face\)"),
         ):
             observe(run, TARGET, "bsc")
 

@@ -29,8 +29,11 @@ CASES = [
         {"positions": 3, "y_offsets_mm": (1.0, -1.0), "rotation_offset_deg": 2.0},
         [("face", 2, -1.0, 2.0), ("face", 3, 1.0, 2.0)],
     ),
-    ("other readings of the poses", {"positions": 1, "face_rotation_deg": 10.0, "corner_rotation_deg": 55.0},
-     [("corner", 0, 0.0, 55.0), ("face", 0, 0.0, 10.0)]),
+    (
+        "other readings of the poses",
+        {"positions": 1, "face_rotation_deg": 10.0, "corner_rotation_deg": 55.0},
+        [("corner", 0, 0.0, 55.0), ("face", 0, 0.0, 10.0)],
+    ),
 ]
 
 
