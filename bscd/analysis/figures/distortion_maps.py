@@ -103,3 +103,4 @@ def _mark_x(axes: Axes, x_mm: FloatArray, step: float, count: int) -> None:
         names * count,
     )
     axes.tick_params(length=2.5)
+    axes.tick_params(axis="x", labelsize=7.5)

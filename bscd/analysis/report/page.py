@@ -87,7 +87,7 @@ def _place_example(caption: str, image: NDArray[np.uint8], folder: Path) -> dict
     smaller = cv2.resize(image, (round(width * scale), round(height * scale)), interpolation=cv2.INTER_AREA)
     encoded = _encode(".jpg", np.asarray(smaller, np.uint8), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     uri = "data:image/jpeg;base64," + base64.b64encode(encoded).decode("ascii")
-    return {"caption": f"{caption} ({width} x {height} px)", "uri": uri}
+    return {"caption": f"{caption[:1].upper()}{caption[1:]} ({width} x {height} px)", "uri": uri}
 
 
 def _encode(suffix: str, image: NDArray[np.uint8], settings: Sequence[int]) -> bytes:
