@@ -8,7 +8,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from drivers.twin.options import CameraGeometry, LightOptions, PrismOptions, SensorOptions, StageOptions, TwinOptions
+from drivers.twin.options import (
+    AuxiliaryGeometry,
+    CameraGeometry,
+    LightOptions,
+    PrismOptions,
+    SensorOptions,
+    StageOptions,
+    TwinOptions,
+)
 from drivers.twin.world import World
 
 HEADER = ("file", "camera", "phase", "target_position", "y_mm", "rotation_deg", "pressure_kpa", "time_s")
@@ -23,7 +31,7 @@ OPTIONS = TwinOptions(
         roll_deg=0.4,
         principal_offset_px=(12.0, -9.0),
     ),
-    auxiliary=CameraGeometry(
+    auxiliary=AuxiliaryGeometry(
         focal_length_mm=64.0, distortion=(0.3, 0.0, 0.0, 0.0), position_mm=(-175.0, -530.0, 8.0), roll_deg=-0.6
     ),
     prism=PrismOptions(edge_mm=(0.8, -188.0, 0.7), tilt_deg=(-0.7, 0.8, 0.6)),

@@ -17,7 +17,7 @@ from bscd.calibration.dlt import fit_dlt
 from bscd.calibration.dots.candidates import Blobs
 from bscd.calibration.dots.ends import Ends
 from bscd.calibration.dots.findings import Seed
-from bscd.calibration.dots.patches import Patch
+from bscd.calibration.dots.links import Patch
 from bscd.calibration.observations import PoseName
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError
@@ -75,7 +75,8 @@ def _label_face(
         return [placement.labelled(placement.rows[0], placement.columns[0])]
     widths = np.array([_width_share(p, blobs) for p in patches])
     sizes = np.array([len(p.member) for p in patches])
-    frontal = np.flatnonzero((widths > _SQUEEZED * widths[0]) & (sizes > _RIVAL_SHARE * sizes[0]))
+    large = sizes > _RIVAL_SHARE * sizes[0]
+    frontal = np.flatnonzero(large & (widths > _SQUEEZED * widths[large].max()))
     if len(frontal) > 1:
         raise CheckFailedError(
             f"dots: {len(frontal)} faces are seen about equally well where the face pose shows one; check the "
