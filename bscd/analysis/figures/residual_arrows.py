@@ -42,7 +42,9 @@ def draw_residuals(fields: Mapping[str, tuple[ResidualField, ResidualField]], si
     figure = new_figure(6.2 if len(fields) > 1 else 3.4)
     shape = (2, len(fields)) if len(fields) > 1 else (1, 2)
     panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False)
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.09, top=0.93, wspace=0.06, hspace=0.2)
+    figure.subplots_adjust(
+        left=0.07, right=0.985, bottom=0.09 if len(fields) > 1 else 0.16, top=0.93, wspace=0.06, hspace=0.2
+    )
     for column, (name, pair) in enumerate(fields.items()):
         for row, field in enumerate(pair):
             axes = panels[row, column] if len(fields) > 1 else panels[0, row]

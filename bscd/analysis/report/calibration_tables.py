@@ -18,6 +18,7 @@ from bscd.calibration import Calibration
 _NAMES = {
     "standard_stereo_error_mean_mm": "Standard stereo pair, mean distance to the dot grid",
     "standard_stereo_error_std_mm": "Standard stereo pair, standard deviation of it",
+    "standard_stereo_points": "Standard stereo pair, dots",
     "left_dlt_rms_px": "Left view, pinhole (DLT), rms per axis",
     "right_dlt_rms_px": "Right view, pinhole (DLT), rms per axis",
     "primary_dlt_rms_px": "Primary camera, pinhole (DLT), rms per axis",
