@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -18,8 +19,8 @@ COMMANDS = ("demo", "import_", "calibrate", "config", "design")
 DONE, FAILED = 0, 1
 
 
-def build_app() -> typer.Typer:
-    """The whole command line."""
+def build_app(arguments: Sequence[str] = ()) -> typer.Typer:
+    """The command line; with one command alone where ``arguments`` name it, since each loads its libraries."""
     app = typer.Typer(
         name="bscd",
         help="Measure with a biprism single-camera stereo-DIC rig.",
@@ -37,7 +38,8 @@ def build_app() -> typer.Typer:
     ) -> None:
         pass
 
-    for name in COMMANDS:
+    named = [name for name in COMMANDS if name.rstrip("_") in arguments[:1]]
+    for name in named or COMMANDS:
         importlib.import_module(f"bscd.cli.{name}").register(app)
     return app
 
@@ -56,7 +58,7 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run a command line and return its exit code; errors go to stderr, one line each."""
     try:
-        build_app()(arguments, prog_name="bscd")
+        build_app(arguments)(arguments, prog_name="bscd")
     except SystemExit as ended:  # usage errors, Ctrl-C and the end of a command are turned into codes by typer
         return ended.code if isinstance(ended.code, int) else DONE
     except (BscdError, DeviceError, OSError) as err:

@@ -58,3 +58,10 @@ def test_bad_usage_ends_with_2(monkeypatch, capsys, arguments):
 def test_an_interrupt_ends_with_1(failing):
     failing(KeyboardInterrupt())
     assert run(["config", "check", "a.toml"]) in (1, 130)
+
+
+def test_a_command_does_not_wait_for_the_libraries_of_others(monkeypatch, capsys):
+    monkeypatch.setattr(command_line, "COMMANDS", ("config", "not_there"))
+    assert run(["config", "schema"]) == 0
+    with pytest.raises(ModuleNotFoundError):
+        run(["--help"])
