@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shutil
 import threading
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from bscd.acquisition import AxisMeta, AxisName, CameraMeta, FrameRecord, RunWriter
+from bscd.acquisition import AxisMeta, AxisName, CameraMeta, FrameRecord, RunFile, RunWriter
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError
 from bscd.procedures.dry_run import dry_run, prism_height_mm
@@ -93,11 +94,11 @@ def resume_scan(
 
     Frames that were recorded stay as they are. Raises as `record_scan`.
     """
+    with RunFile(path) as run:
+        recipe = _stored_recipe(run)
+        recorded, total = _recorded_steps(run, recipe), len(recipe.steps())
     writer = RunWriter.reopen(path)
     try:
-        recipe = _stored_recipe(writer)
-        per_step = len(recipe.camera_roles) * recipe.frames_per_position
-        recorded, total = writer.frames_written // per_step, len(recipe.steps())
         first = recorded if first_step is None else first_step
         if first == total and first_step is None:
             raise InputError(f"{path}: all {total} steps of the scan are recorded; there is nothing to go on with")
@@ -222,8 +223,19 @@ def _axis_meta(rig: Rig, name: AxisName) -> AxisMeta:
     )
 
 
-def _stored_recipe(writer: RunWriter) -> ScanRecipe:
+def _stored_recipe(run: RunFile) -> ScanRecipe:
     try:
-        return ScanRecipe.model_validate_json(writer.header.recipe_text)
+        return ScanRecipe.model_validate_json(run.recipe_text)
     except ValidationError as err:
-        raise InputError(f"{writer.path}: it holds no scan recipe; only a scan can go on") from err
+        raise InputError(f"{run.path}: it holds no scan recipe; only a scan can go on") from err
+
+
+def _recorded_steps(run: RunFile, recipe: ScanRecipe) -> int:
+    """How many steps from the first on have all frames of all cameras."""
+    counts = Counter((str(row["camera"]), str(row["phase"]), int(row["target_position"])) for row in run.table())
+    steps = recipe.steps()
+    for number, step in enumerate(steps):
+        seen = [counts[role, step.phase, step.position] for role in recipe.camera_roles]
+        if min(seen) < recipe.frames_per_position:
+            return number
+    return len(steps)
