@@ -1,10 +1,21 @@
-"""Which share of a small quadrilateral a disc covers, in closed form."""
+"""Shares of a pixel: a disc's in closed form, and the lattice of points for those that an edge crosses."""
 
 from __future__ import annotations
 
 import math
 
 from numba import njit
+
+
+#: Points of the Fibonacci lattice over a pixel that an edge crosses, and the step between them. Its points have as
+#: many different columns as rows, so that edges along the pixel's sides are as finely resolved as oblique ones.
+LATTICE, LATTICE_STEP = 144, 89
+
+
+@njit(cache=True)
+def lattice_point(k):
+    """Point ``k`` of the lattice, from -1/2 to 1/2 in column and row."""
+    return (k + 0.5) / LATTICE - 0.5, ((k * LATTICE_STEP) % LATTICE + 0.5) / LATTICE - 0.5
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from drivers.twin.coverage import disc_share
+from drivers.twin.coverage import LATTICE, disc_share, lattice_point
 from drivers.twin.light import brightness, pack_light
 from drivers.twin.optics import FloatArray
 from drivers.twin.options import TwinOptions
@@ -18,9 +18,6 @@ from drivers.twin.trace import BLOCKED, trace_line, trace_pixel
 
 #: What a ray meets beside faces 0 to 5; SHADOW is the prism's flank.
 NOTHING, SHADOW = 6, -1
-
-#: Samples per axis in the pixels that the cube's outline, its edges or the prism's edges cross.
-EDGE_SAMPLES = 12
 
 
 def pack_cube(options: TwinOptions) -> tuple[float, ...]:
@@ -147,15 +144,13 @@ def sample_cube(column, row, cam, prism, pose, cube, light):
 
 
 @njit(cache=True)
-def sample_cube_pixel(column, row, count, cam, prism, pose, cube, light):
-    """Mean of ``count`` x ``count`` exactly traced points over a pixel's area."""
+def sample_cube_pixel(column, row, cam, prism, pose, cube, light):
+    """Mean of the lattice of exactly traced points over a pixel's area."""
     total = 0.0
-    for j in range(count):
-        for i in range(count):
-            total += sample_cube(
-                column - 0.5 + (i + 0.5) / count, row - 0.5 + (j + 0.5) / count, cam, prism, pose, cube, light
-            )
-    return total / (count * count)
+    for k in range(LATTICE):
+        x, y = lattice_point(k)
+        total += sample_cube(column + x, row + y, cam, prism, pose, cube, light)
+    return total / LATTICE
 
 
 @njit(cache=True)
@@ -188,7 +183,7 @@ def render_cube_rows(first, last, cam, prism, pose, cube, light, out):
         for c in range(width):
             kind = top[c]
             if top[c + 1] != kind or bottom[c] != kind or bottom[c + 1] != kind:
-                out[r, c] = sample_cube_pixel(c, r, EDGE_SAMPLES, cam, prism, pose, cube, light)
+                out[r, c] = sample_cube_pixel(c, r, cam, prism, pose, cube, light)
             elif kind == SHADOW:
                 out[r, c] = 0.0
             elif kind % 10 == NOTHING:

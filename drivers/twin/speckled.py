@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from drivers.twin.coverage import LATTICE, lattice_point
 from drivers.twin.light import brightness
 from drivers.twin.membrane import NEWTON_STEPS, SHAPE_NUMBERS, Membrane, membrane_at, newton_step
 from drivers.twin.options import TwinOptions
@@ -16,9 +17,6 @@ SPHERE, MEMBRANE = 1.0, 2.0
 
 #: Rows of the array that `hit_line` fills.
 HIT_ROWS = 15
-
-#: Samples per axis in the pixels that an outline or the prism's edge crosses.
-EDGE_SAMPLES = 8
 
 
 def pack_body(options: TwinOptions, pressure_kpa: float, scene: str) -> tuple[float, ...]:
@@ -157,14 +155,15 @@ def _look_along_line(first, row, cam, prism, pose, body, coefficients, light, ra
 
 @njit(cache=True, error_model="numpy")
 def _pixel(column, row, cam, prism, pose, body, coefficients, light, work):
-    """Mean of an even grid of exactly traced points over one pixel's area."""
+    """Mean of the lattice of exactly traced points over one pixel's area."""
     total = 0.0
-    for j in range(EDGE_SAMPLES):
-        for i in range(EDGE_SAMPLES):
-            x, y = column - 0.5 + (i + 0.5) / EDGE_SAMPLES, row - 0.5 + (j + 0.5) / EDGE_SAMPLES
-            _look_along_line(x, y, cam, prism, pose, body, coefficients, light, work[:7], work[9:], work[7], work[8])
-            total += work[8, 0]
-    return total / (EDGE_SAMPLES * EDGE_SAMPLES)
+    for k in range(LATTICE):
+        x, y = lattice_point(k)
+        _look_along_line(
+            column + x, row + y, cam, prism, pose, body, coefficients, light, work[:7], work[9:], work[7], work[8]
+        )
+        total += work[8, 0]
+    return total / LATTICE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -172,7 +171,7 @@ def render_body_rows(first, last, nodes, weights, cam, prism, pose, body, coeffi
     """Rows ``first`` to ``last`` of the sharp image into ``out`` ``(H, W)``.
 
     Gauss-Legendre ``nodes`` and ``weights`` on -1/2..1/2 in either direction; where they see different surfaces or
-    views, an even grid instead.
+    views, the lattice instead.
     """
     width = out.shape[1]
     ray, hit, single = np.empty((7, width)), np.empty((HIT_ROWS, width)), np.empty((9 + HIT_ROWS, 1))
