@@ -132,19 +132,20 @@ def _fit_one(image, x0, y0, shape, limits, reach, top, out):
     theta[9] = out[8]
     normal = np.zeros((_PARAMETERS, _PARAMETERS))
     right = np.zeros(_PARAMETERS)
+    slopes, misses = np.empty((_PARAMETERS, count)), np.empty(count)
     damping = 0.0
     last = 1e300
     kept = theta.copy()
     done = False
     rss = 0.0
     for _ in range(_ITERATIONS):
-        rss = _accumulate(pixels, values, theta, normal, right)
+        rss = _accumulate(pixels, values, theta, slopes, misses, normal, right)
         if not rss < 1e299:
             return
         if rss > last * (1.0 + _CONVERGED):  # less is the step where the rim is cut off
             damping = max(4.0 * damping, 1e-2)
             theta[:] = kept
-            rss = _accumulate(pixels, values, theta, normal, right)
+            rss = _accumulate(pixels, values, theta, slopes, misses, normal, right)
         else:
             damping *= 0.2
         last = rss
@@ -177,7 +178,10 @@ def _fit_one(image, x0, y0, shape, limits, reach, top, out):
             return
         variance += 0.5 * column[k]
     p, r, s = theta[2], theta[3], theta[4]
-    out[0], out[1] = x0 + theta[0], y0 + theta[1]
+    # the lens blurs the lit dot, the model lights the blurred one: that moves the edge by width^2 times the slope
+    ground = theta[6] + theta[7] * theta[0] + theta[8] * theta[1]
+    out[0] = x0 + theta[0] + theta[5] ** 2 * theta[7] / ground
+    out[1] = y0 + theta[1] + theta[5] ** 2 * theta[8] / ground
     # shape = (L'L)^-1
     out[2] = 1.0 / (p * p) + (r / (p * s)) ** 2
     out[3] = -r / (p * s * s)
@@ -250,15 +254,16 @@ def _centroid(x0, y0, pixels, values, p, r, s, out):
 
 
 @njit(cache=True, fastmath=True)
-def _accumulate(pixels, values, theta, normal, right):
-    """Normal equations of the model at theta; gives the sum of squared residuals."""
-    normal[:] = 0.0
-    right[:] = 0.0
+def _accumulate(pixels, values, theta, slopes, misses, normal, right):
+    """Normal equations of the model at theta; gives the sum of squared residuals.
+
+    ``slopes`` ``(10, N)`` and ``misses`` ``(N,)`` are work space; parameters come first so that sums vectorise.
+    """
     p, r, s, width = theta[2], theta[3], theta[4], theta[5]
     c = theta[9]
-    j = np.empty(_PARAMETERS)
+    count = len(values)
     rss = 0.0
-    for k in range(len(values)):
+    for k in range(count):
         x, y = pixels[k, 0], pixels[k, 1]
         ground = theta[6] + theta[7] * x + theta[8] * y
         dx, dy = x - theta[0], y - theta[1]
@@ -267,32 +272,37 @@ def _accumulate(pixels, values, theta, normal, right):
         mx, my = p * u, r * u + s * v  # L'L (x - c)
         length = math.sqrt(mx * mx + my * my) + 1e-12
         z = (1.0 - q) * q / (length * width)
-        rim = abs(z) < _EDGE
         coverage = 0.0
-        if rim:
+        if abs(z) < _EDGE:
             coverage = 0.5 + 0.5 * math.erf(z * 0.7071067811865476)
-        elif z > 0.0:
-            coverage = 1.0
+            density = -ground * c * 0.3989422804014327 * math.exp(-0.5 * z * z) / width
+            by_q = density * (1.0 - 2.0 * q) / (length * q)
+            by_m = -density * (1.0 - q) * q / (length * length * length)
+            slopes[0, k] = -by_q * mx - by_m * (mx * p * p + my * r * p)
+            slopes[1, k] = -by_q * my - by_m * (mx * p * r + my * (r * r + s * s))
+            slopes[2, k] = by_q * u * dx + by_m * (mx * (u + p * dx) + my * r * dx)
+            slopes[3, k] = by_q * u * dy + by_m * (mx * p * dy + my * (u + r * dy))
+            slopes[4, k] = by_q * v * dy + by_m * my * 2.0 * v
+            slopes[5, k] = -density * z
+        else:
+            coverage = 1.0 if z > 0.0 else 0.0
+            for a in range(6):
+                slopes[a, k] = 0.0
         light = 1.0 - c * coverage
         miss = values[k] - ground * light
         rss += miss * miss
-        j[6], j[7], j[8], j[9] = light, light * x, light * y, -ground * coverage
-        first = 6
-        if rim:
-            first = 0
-            density = -ground * c * 0.3989422804014327 * math.exp(-0.5 * z * z) / width
-            by_q = density * (1.0 - 2.0 * q) / (length * q)
-            by_m = -density * (1.0 - q) * q / length**3
-            j[0] = -by_q * mx - by_m * (mx * p * p + my * r * p)
-            j[1] = -by_q * my - by_m * (mx * p * r + my * (r * r + s * s))
-            j[2] = by_q * u * dx + by_m * (mx * (u + p * dx) + my * r * dx)
-            j[3] = by_q * u * dy + by_m * (mx * p * dy + my * (u + r * dy))
-            j[4] = by_q * v * dy + by_m * my * 2.0 * v
-            j[5] = -density * z
-        for a in range(first, _PARAMETERS):
-            right[a] += j[a] * miss
-            for b in range(first, a + 1):
-                normal[a, b] += j[a] * j[b]
+        misses[k] = miss
+        slopes[6, k], slopes[7, k], slopes[8, k], slopes[9, k] = light, light * x, light * y, -ground * coverage
+    for a in range(_PARAMETERS):
+        total = 0.0
+        for k in range(count):
+            total += slopes[a, k] * misses[k]
+        right[a] = total
+        for b in range(a + 1):
+            total = 0.0
+            for k in range(count):
+                total += slopes[a, k] * slopes[b, k]
+            normal[a, b] = total
     return rss
 
 

@@ -10,7 +10,7 @@ from bscd.arrays import FloatArray
 from bscd.calibration.dots.candidates import Blobs
 from bscd.calibration.dots.face_map import FaceMap
 from bscd.calibration.dots.findings import Image
-from bscd.calibration.dots.patches import Patch
+from bscd.calibration.dots.links import Patch
 from bscd.calibration.dots.pixels import grey_at
 from bscd.calibration.target import GridTarget
 

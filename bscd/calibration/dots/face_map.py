@@ -97,6 +97,8 @@ def fit_face_map(lattice: FloatArray | IntArray, xy_px: FloatArray, highest: int
 
 
 def _solved(design: FloatArray, xy_px: FloatArray, used: np.ndarray) -> tuple[FloatArray, float]:
-    terms = np.linalg.lstsq(design[used], xy_px[used], rcond=None)[0]
-    miss = np.linalg.norm(xy_px[used] - design[used] @ terms, axis=1)
+    part, seen = design[used], xy_px[used]
+    # monomials on [-1, 1] up to the fourth degree: the normal equations lose nothing that matters, and are fast
+    terms = np.linalg.lstsq(part.T @ part, part.T @ seen, rcond=1e-13)[0]
+    miss = np.linalg.norm(seen - part @ terms, axis=1)
     return terms, float(np.median(miss) / 1.1774)  # the median of a Rayleigh distribution is 1.1774 sigma

@@ -66,7 +66,7 @@ def match_marks(
     normals = _normals(points)
     pairs = fixed
     for _ in range(_PASSES):
-        seen = np.flatnonzero(_facing(points, normals, camera) > grazing_cosine)
+        seen = np.flatnonzero(_facing(points, normals, camera, pairs[:, 0]) > grazing_cosine)
         expected = camera.project(points[seen])
         expected += _distortion(expected, camera.project(points[pairs[:, 0]]), marks.xy_px[pairs[:, 1]])
         found = _pairs(marks, seen, expected)
@@ -79,7 +79,7 @@ def match_marks(
             break
         pairs = found
         camera = fit_dlt(points[pairs[:, 0]], marks.xy_px[pairs[:, 1]], "refined")
-    return _finding(marks, target, camera, pairs, _facing(points, normals, camera) > grazing_cosine)
+    return _finding(marks, target, camera, pairs, _facing(points, normals, camera, pairs[:, 0]) > grazing_cosine)
 
 
 def _seeded(marks: Marks, target: PointsTarget, seeds: list[MarkSeed]) -> IntArray:
@@ -107,8 +107,14 @@ def _normals(points: FloatArray) -> FloatArray:
     return normals * np.where(np.einsum("ni,ni->n", normals, points - middle) < 0, -1.0, 1.0)[:, None]
 
 
-def _facing(points: FloatArray, normals: FloatArray, camera: DltCamera) -> FloatArray:
-    """Cosine ``(N,)`` of the angle between each normal and the direction to the camera."""
+def _facing(points: FloatArray, normals: FloatArray, camera: DltCamera, labelled: IntArray) -> FloatArray:
+    """Cosine ``(N,)`` of the angle between each normal and the direction to the camera.
+
+    A few labelled marks do not tell where the camera is; that it sees them tells the direction well enough.
+    """
+    if 0 < len(labelled) < _MARKS_FOR_DISTORTION:
+        towards = normals[labelled].mean(axis=0)
+        return normals @ towards / max(float(np.linalg.norm(towards)), 1e-9)
     matrix = camera.matrix
     to_camera = -np.linalg.solve(matrix[:, :3], matrix[:, 3]) - points
     return np.einsum("ni,ni->n", normals, to_camera) / np.linalg.norm(to_camera, axis=1)

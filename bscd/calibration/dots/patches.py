@@ -1,14 +1,6 @@
-"""Patches: blobs that hang together as a square lattice, with their row and column in it.
-
-A dot's own ellipse tells how its surroundings are foreshortened: measured in it, the four neighbours lie at
-pitch / radius in every view. A link counts only if both ends agree and it is a side of a closed cell, so
-background clutter, the other face and diagonal neighbours do not link.
-"""
+"""Whole grids: linked patches filled up where their maps expect dots, without lines that do not belong."""
 
 from __future__ import annotations
-
-from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -16,46 +8,12 @@ from scipy.spatial import KDTree
 from bscd.arrays import FloatArray, IntArray
 from bscd.calibration.dots.candidates import Blobs
 from bscd.calibration.dots.face_map import FaceMap, fit_face_map
+from bscd.calibration.dots.links import SMALLEST, Patch, linked_patches
 
-_NEIGHBOURS = 16
-_TOLERANCE = 0.25  # of the expected distance
-_AREA_RATIO = 1.8
-_RIGHT, _DOWN, _LEFT, _UP = range(4)
-_STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (row, column)
-_SMALLEST = 4
 _MATCH = 0.15  # of the pitch, about a predicted place
 _SPARSE = 0.5  # of the usual number of dots in a line: less does not count as one
+_LINES_TO_CONTINUE = 5
 _CONTINUES = 0.06  # of the pitch: how well a border line goes on from the others
-
-
-@dataclass(frozen=True)
-class Patch:
-    """Blobs ``member`` ``(N,)`` of one lattice with their ``row`` and ``column`` ``(N,)``, both counted from 0."""
-
-    member: IntArray
-    row: IntArray
-    column: IntArray
-
-    @property
-    def rows(self) -> int:
-        """Rows spanned."""
-        return int(self.row.max()) + 1
-
-    @property
-    def columns(self) -> int:
-        """Columns spanned."""
-        return int(self.column.max()) + 1
-
-    @property
-    def lattice(self) -> FloatArray:
-        """Positions ``(N, 2)`` (column, row)."""
-        return np.stack([self.column, self.row], axis=-1).astype(np.float64)
-
-    def keep(self, selection: np.ndarray, recount: bool = True) -> Patch:
-        """The part at a selection, counted from 0 again unless told not to."""
-        row, column = self.row[selection], self.column[selection]
-        first_row, first_column = (row.min(), column.min()) if recount else (0, 0)
-        return Patch(self.member[selection], row - first_row, column - first_column)
 
 
 def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
@@ -63,10 +21,7 @@ def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
 
     Filled up with blobs that sit where their maps expect them, without border lines that do not belong.
     """
-    if len(blobs) < _SMALLEST:
-        return []
-    links = _in_cells(_links(blobs, pitch_per_radius))
-    patches = sorted(_connected(links), key=lambda p: -len(p.member))
+    patches = linked_patches(blobs, pitch_per_radius)
     taken = np.zeros(len(blobs), bool)
     for patch in patches:
         taken[patch.member] = True
@@ -76,97 +31,6 @@ def find_patches(blobs: Blobs, pitch_per_radius: float) -> list[Patch]:
         taken[filled.member] = True
         done.append(_trimmed(filled, blobs))
     return sorted(done, key=lambda p: -len(p.member))
-
-
-def typical_pitch(blobs: Blobs) -> float:
-    """The distance to the nearest neighbour in the dots' own radii: the median; what the lattice's pitch is.
-
-    For images whose target is not known here; with it, the ratio is known exactly.
-    """
-    if len(blobs) < _SMALLEST:
-        return 4.0
-    other = _nearest(blobs, 1)[:, 0]
-    offset = blobs.xy_px[other] - blobs.xy_px
-    return float(np.median(np.sqrt(np.einsum("ni,nij,nj->n", offset, np.linalg.inv(blobs.shape), offset))))
-
-
-def _nearest(blobs: Blobs, count: int) -> IntArray:
-    """``(N, count)`` the nearest other blobs."""
-    return np.asarray(KDTree(blobs.xy_px).query(blobs.xy_px, k=count + 1)[1], np.int64)[:, 1:]
-
-
-def _links(blobs: Blobs, pitch_per_radius: float) -> IntArray:
-    """``(N, 4)`` the neighbour to the right, below, left, above; -1 for none. Mutual by construction."""
-    count = min(_NEIGHBOURS, len(blobs) - 1)
-    other = _nearest(blobs, count)
-    offset = blobs.xy_px[other] - blobs.xy_px[:, None]
-    inverse = np.linalg.inv(blobs.shape)
-    own = np.sqrt(np.einsum("nki,nij,nkj->nk", offset, inverse, offset)) / pitch_per_radius
-    theirs = np.sqrt(np.einsum("nki,nkij,nkj->nk", offset, inverse[other], offset)) / pitch_per_radius
-    ratio = blobs.area_px[other] / blobs.area_px[:, None]
-    off = np.maximum(np.abs(own - 1.0), np.abs(theirs - 1.0))
-    off[(ratio > _AREA_RATIO) | (ratio < 1.0 / _AREA_RATIO)] = np.inf
-    x, y = offset[..., 0], offset[..., 1]
-    across = np.abs(x) >= np.abs(y)
-    direction = np.where(across, np.where(x > 0, _RIGHT, _LEFT), np.where(y > 0, _DOWN, _UP))
-    best = np.full((len(blobs), 4), -1, np.int64)
-    for d in range(4):
-        cost = np.where(direction == d, off, np.inf)
-        k = cost.argmin(axis=1)
-        best[:, d] = np.where(cost[np.arange(len(k)), k] < _TOLERANCE, other[np.arange(len(k)), k], -1)
-    for d in range(4):
-        back = np.where(best[:, d] >= 0, best[best[:, d], (d + 2) % 4], -1)
-        best[:, d] = np.where(back == np.arange(len(best)), best[:, d], -1)
-    return best
-
-
-def _in_cells(links: IntArray) -> IntArray:
-    """Only the links that are a side of a closed cell."""
-
-    def follow(start: IntArray, d: int) -> IntArray:
-        return np.where(start >= 0, links[start, d], -1)
-
-    every = np.arange(len(links))
-    kept = np.full_like(links, -1)
-    for d in range(4):
-        end = follow(every, d)
-        for turn in (1, 3):
-            side = (d + turn) % 4
-            far, near = follow(end, side), follow(follow(every, side), d)
-            closed = (end >= 0) & (far >= 0) & (far == near)
-            kept[closed, d] = end[closed]
-    return kept
-
-
-def _connected(links: IntArray) -> list[Patch]:
-    """Connected components with consistent coordinates; blobs whose links contradict are left out."""
-    place: dict[int, tuple[int, int]] = {}
-    patches = []
-    for start in np.flatnonzero((links >= 0).any(axis=1)):
-        if int(start) in place:
-            continue
-        place[int(start)] = (0, 0)
-        members, queue, used, wrong = [int(start)], deque([int(start)]), {(0, 0): int(start)}, set()
-        while queue:
-            i = queue.popleft()
-            for d, (down, right) in enumerate(_STEPS):
-                j = int(links[i, d])
-                if j < 0:
-                    continue
-                here = (place[i][0] + down, place[i][1] + right)
-                if j not in place:
-                    place[j] = here
-                    members.append(j)
-                    queue.append(j)
-                    if used.setdefault(here, j) != j:
-                        wrong |= {j, used[here]}
-                elif place[j] != here:
-                    wrong |= {i, j}
-        good = np.array([m for m in members if m not in wrong], np.int64)
-        if len(good) >= _SMALLEST:
-            row, column = np.array([place[int(m)] for m in good]).T
-            patches.append(Patch(good, row - row.min(), column - column.min()))
-    return patches
 
 
 def _filled(patch: Patch, blobs: Blobs, taken: np.ndarray) -> Patch:
@@ -215,14 +79,15 @@ def _trimmed(patch: Patch, blobs: Blobs) -> Patch:
 
 def _continues(patch: Patch, line: np.ndarray, axis: int, blobs: Blobs) -> bool:
     """Whether a border line is where, and as large as, the rest of the patch predicts."""
-    rest = patch.lattice[~line]
-    if len(np.unique(rest[:, axis])) < 3 or len(rest) < 2 * _SMALLEST:
+    near = ~line & (np.abs(patch.lattice[:, axis] - patch.lattice[line][0, axis]) <= _LINES_TO_CONTINUE)
+    rest = patch.lattice[near]
+    if len(np.unique(rest[:, axis])) < 3 or len(rest) < 2 * SMALLEST:
         return True
-    face_map = fit_face_map(rest, blobs.xy_px[patch.member[~line]], highest=3)
+    face_map = fit_face_map(rest, blobs.xy_px[patch.member[near]], highest=2)
     places = patch.lattice[line]
     step = blobs.xy_px[patch.member[line]] - face_map.pixels(places)
     off = np.einsum("nij,nj->ni", np.linalg.inv(face_map.jacobian(places)), step)
-    alike = _same_shape(face_map, places, blobs.shape[patch.member[line]], patch.keep(~line, recount=False), blobs)
+    alike = _same_shape(face_map, places, blobs.shape[patch.member[line]], patch.keep(near, recount=False), blobs)
     return bool(np.linalg.norm(np.median(off, axis=0)) < _CONTINUES and alike.mean() > 0.5)
 
 

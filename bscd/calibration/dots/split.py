@@ -10,7 +10,8 @@ import numpy as np
 from bscd.arrays import FloatArray
 from bscd.calibration.dots.candidates import Blobs, find_blobs
 from bscd.calibration.dots.findings import Image, SplitLine
-from bscd.calibration.dots.patches import find_patches, typical_pitch
+from bscd.calibration.dots.links import typical_pitch
+from bscd.calibration.dots.patches import find_patches
 from bscd.calibration.dots.pixels import checked, noise_level
 from bscd.errors import CheckFailedError, InputError
 
