@@ -6,7 +6,6 @@ import math
 
 from numba import njit
 
-
 #: Points of the Fibonacci lattice over a pixel that an edge crosses, and the step between them. Its points have as
 #: many different columns as rows, so that edges along the pixel's sides are as finely resolved as oblique ones.
 LATTICE, LATTICE_STEP = 144, 89

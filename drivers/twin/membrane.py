@@ -96,7 +96,8 @@ class Membrane:
         packed = [a * float(shape.height[0])]
         for values in (a * shape.height, 1.0 / shape.hoop_stretch):
             fitted = Chebyshev.fit(nodes, CubicSpline(squared, values)(nodes), DEGREE, domain=[0.0, 1.0])
-            packed.extend(fitted.convert(kind=Polynomial).coef[::-1].tolist())
+            powers = fitted.convert(kind=Polynomial).coef  # without trailing zeros
+            packed.extend(np.pad(powers, (0, DEGREE + 1 - len(powers)))[::-1].tolist())
         return tuple(packed)
 
 

@@ -11,7 +11,7 @@ from drivers.twin.membrane import NEWTON_STEPS, SHAPE_NUMBERS, Membrane, membran
 from drivers.twin.options import TwinOptions
 from drivers.twin.speckle import speckle_at
 from drivers.twin.sphere import hit_sphere
-from drivers.twin.trace import BLOCKED, trace_line
+from drivers.twin.trace import BLOCKED, trace_line, trace_points
 
 SPHERE, MEMBRANE = 1.0, 2.0
 
@@ -137,9 +137,8 @@ def hit_line(r, pose, body, light, h):
 
 
 @njit(cache=True, error_model="numpy")
-def _look_along_line(first, row, cam, prism, pose, body, coefficients, light, ray, hit, kind, value):
-    """What the points of one image line see: kind of surface and view in one number, and its brightness."""
-    trace_line(first, row, cam, prism, ray)
+def _look(ray, pose, body, coefficients, light, hit, kind, value):
+    """What traced rays see: kind of surface and view in one number, and its brightness."""
     hit_line(ray, pose, body, light, hit)
     for i in range(kind.shape[0]):
         what = hit[0, i]
@@ -155,15 +154,13 @@ def _look_along_line(first, row, cam, prism, pose, body, coefficients, light, ra
 
 @njit(cache=True, error_model="numpy")
 def _pixel(column, row, cam, prism, pose, body, coefficients, light, work):
-    """Mean of the lattice of exactly traced points over one pixel's area."""
-    total = 0.0
+    """Mean of the lattice of exactly traced points over one pixel's area; ``work`` ``(11 + HIT_ROWS, LATTICE)``."""
     for k in range(LATTICE):
         x, y = lattice_point(k)
-        _look_along_line(
-            column + x, row + y, cam, prism, pose, body, coefficients, light, work[:7], work[9:], work[7], work[8]
-        )
-        total += work[8, 0]
-    return total / LATTICE
+        work[7, k], work[8, k] = column + x, row + y
+    trace_points(work[7], work[8], cam, prism, work)
+    _look(work, pose, body, coefficients, light, work[11:], work[9], work[10])
+    return work[10].mean()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -174,16 +171,15 @@ def render_body_rows(first, last, nodes, weights, cam, prism, pose, body, coeffi
     views, the lattice instead.
     """
     width = out.shape[1]
-    ray, hit, single = np.empty((7, width)), np.empty((HIT_ROWS, width)), np.empty((9 + HIT_ROWS, 1))
+    ray, hit, single = np.empty((7, width)), np.empty((HIT_ROWS, width)), np.empty((11 + HIT_ROWS, LATTICE))
     seen, value = np.empty(width), np.empty(width)
     total, kind, mixed = np.empty(width), np.empty(width), np.empty(width, np.bool_)
     for r in range(first, last):
         total[:], mixed[:] = 0.0, False
         for j in range(len(nodes)):
             for i in range(len(nodes)):
-                _look_along_line(
-                    nodes[i], r + nodes[j], cam, prism, pose, body, coefficients, light, ray, hit, seen, value
-                )
+                trace_line(nodes[i], r + nodes[j], cam, prism, ray)
+                _look(ray, pose, body, coefficients, light, hit, seen, value)
                 if i == 0 and j == 0:
                     kind[:] = seen
                 for c in range(width):

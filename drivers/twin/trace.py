@@ -142,6 +142,12 @@ def trace_line(first, row, cam, prism, out):
     _fill_line(first, row, cam, prism, out[0], out[1], out[2], out[3], out[4], out[5], out[6])
 
 
+@njit(cache=True)
+def trace_points(columns, rows, cam, prism, out):
+    """The same of any points of the image, ``columns`` and ``rows`` ``(count,)``."""
+    _fill(columns, rows, cam, prism, out[0], out[1], out[2], out[3], out[4], out[5], out[6])
+
+
 @njit(cache=True, nogil=True)
 def _trace_many(first, last, pixels, cam, prism, origin, direction, side):
     block = np.zeros((9, 512))
@@ -149,12 +155,12 @@ def _trace_many(first, last, pixels, cam, prism, origin, direction, side):
         count = min(block.shape[1], last - first)
         for i in range(count):
             block[7, i], block[8, i] = pixels[first + i, 0], pixels[first + i, 1]
-        b = block  # whole rows: a slice would not be contiguous to the compiler
-        _fill(b[7], b[8], cam, prism, b[0], b[1], b[2], b[3], b[4], b[5], b[6])
+        # the whole block: a slice of its rows would not be contiguous to the compiler
+        trace_points(block[7], block[8], cam, prism, block)
         for i in range(count):
             for k in range(3):
-                origin[first + i, k], direction[first + i, k] = b[k, i], b[3 + k, i]
-            side[first + i] = np.int8(b[6, i])
+                origin[first + i, k], direction[first + i, k] = block[k, i], block[3 + k, i]
+            side[first + i] = np.int8(block[6, i])
         first += count
 
 

@@ -71,7 +71,7 @@ def test_rays_meet_the_sphere_on_its_surface(side):
     assert np.all(miss > 18.265)
 
 
-@pytest.mark.parametrize("pressure_kpa", [0.05, 13.0, 16.0])
+@pytest.mark.parametrize("pressure_kpa", [0.0, 0.05, 13.0, 16.0])
 @pytest.mark.parametrize("camera", ["primary", "auxiliary"])
 def test_rays_meet_the_membrane_where_its_material_is(camera, pressure_kpa):
     world = World(coarse_options())
