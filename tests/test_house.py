@@ -37,7 +37,9 @@ def test_modules_are_short_and_finished(path):
     assert len(text.splitlines()) <= 400
     assert path.stem not in {"utils", "helpers", "common", "manager"}
     if path != Path(__file__):
-        assert not re.search(r"\b(TODO|FIXME|XXX)\b|NotImplementedError|pytest\.mark\.xfail", text)
+        assert not re.search(r"\b(TODO|FIXME|XXX)\b|pytest\.mark\.xfail", text)
+    if "tests" not in path.relative_to(ROOT).parts:
+        assert "NotImplementedError" not in text
 
 
 def test_nothing_in_a_page_comes_from_another_host():

@@ -7,19 +7,24 @@ smooth polynomial of low degree.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, KDTree
 
-from bscd.arrays import BoolArray, FloatArray
+from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.errors import InputError
 
 Interpolant = Literal["smooth", "linear"]
 
 MAX_DEGREE = 4
+
+_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+_STRETCHED = 2.5  # times the usual longest edge
+_CANDIDATES = 24
 
 
 class DistortionMap(Protocol):
@@ -123,9 +128,39 @@ class LinearMap:
         return covariance
 
     def _barycentric(self, points_mm: FloatArray) -> tuple[BoolArray, NDArray[np.int32], FloatArray]:
+        """Which points lie in the tessellation, and for those their tetrahedron's corners and weights, ``(K, 4)``."""
         simplex = self.tessellation.find_simplex(points_mm)
         inside = simplex >= 0
-        transform = self.tessellation.transform[simplex[inside]]
-        first = np.einsum("nij,nj->ni", transform[:, :3], points_mm[inside] - transform[:, 3])
-        weights = np.column_stack([first, 1.0 - first.sum(axis=1)])
-        return inside, self.tessellation.simplices[simplex[inside]], weights
+        at, chosen = points_mm[inside], simplex[inside].astype(np.int64)
+        stretched = ~self._compact[chosen]
+        if stretched.any():
+            chosen[stretched] = self._beside(at[stretched])
+        return inside, self.tessellation.simplices[chosen], self._weights(chosen, at)
+
+    @cached_property
+    def _compact(self) -> BoolArray:
+        """Tetrahedra that are local.
+
+        The hull of a nearly regular grid is covered by flat slivers that join dots from end to end of a face; what
+        they interpolate is not "information from the nearby control points" (paper, section 3).
+        """
+        corners = self.tessellation.points[self.tessellation.simplices]
+        longest = np.max([np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in _EDGES], axis=0)
+        return longest <= _STRETCHED * np.median(longest)
+
+    @cached_property
+    def _centroids(self) -> tuple[IntArray, KDTree]:
+        compact = np.flatnonzero(self._compact)
+        return compact, KDTree(self.tessellation.points[self.tessellation.simplices[compact]].mean(axis=1))
+
+    def _beside(self, points_mm: FloatArray) -> IntArray:
+        """The compact tetrahedron that each point in a flat one lies in or next to."""
+        compact, tree = self._centroids
+        near = compact[tree.query(points_mm, k=min(_CANDIDATES, len(compact)))[1]]
+        fit = np.stack([self._weights(column, points_mm).min(axis=1) for column in near.T], axis=1)
+        return near[np.arange(len(near)), np.argmax(fit, axis=1)]
+
+    def _weights(self, simplex: IntArray, points_mm: FloatArray) -> FloatArray:
+        transform = self.tessellation.transform[simplex]
+        first = np.einsum("nij,nj->ni", transform[:, :3], points_mm - transform[:, 3])
+        return np.nan_to_num(np.column_stack([first, 1.0 - first.sum(axis=1)]), nan=-np.inf, neginf=-np.inf)

@@ -32,6 +32,8 @@ def calibrate(
     *,
     origins: Mapping[str, str] | None = None,
     jack_mm: float = float("nan"),
+    stage_sigma_mm: float = 0.0,
+    stage_sigma_deg: float = 0.0,
 ) -> Calibration:
     """Calibrate the biprism system (DESIGN section 3.1 to 3.3).
 
@@ -43,6 +45,8 @@ def calibrate(
         Of "left" and "right", prism raised: the same poses and positions.
     image_size_px
         (width, height) of the whole sensor.
+    stage_sigma_mm, stage_sigma_deg
+        One-sigma repeatability of the stages: how far the target may have been from where the readings say.
 
     Raises
     ------
@@ -67,6 +71,7 @@ def calibrate(
     else:
         seen, truth = _raw_points(seen, standard, standard_xyz)
         sigma = _pinhole_bias(truth, lattice_points(lattice, seen, target))
+    sigma = np.hypot(sigma, _stage_sigma(lattice, truth, seen.y_mm, stage_sigma_mm, stage_sigma_deg))
     distorted = triangulate_pairs(seen, virtual, "left", "right", chosen.triangulation)
     control = ControlPoints(
         seen.index, seen.position, seen.face_pose, seen.first_px, seen.second_px, truth, sigma, distorted
@@ -118,6 +123,19 @@ def _lattice_sigma(lattice: Lattice, seen: Paired, target: GridTarget) -> FloatA
         here = seen.face_pose == face
         sigma[here] = lattice.sigma_mm(target.points_mm(seen.index[here]), face, seen.y_mm[here])
     return sigma
+
+
+def _stage_sigma(
+    lattice: Lattice, points: FloatArray, y_mm: FloatArray, sigma_mm: float, sigma_deg: float
+) -> FloatArray:
+    """What the stages' repeatability leaves open of the reference points, one sigma ``(N, 3)`` mm.
+
+    Twice each: the target was placed anew in the reference scan and in the biprism scan.
+    """
+    motion = lattice.motion
+    arm = points - motion.axis_point_mm - np.multiply.outer(y_mm, motion.direction)
+    turned = np.cross(motion.axis, arm) * np.deg2rad(sigma_deg)
+    return np.sqrt(2.0) * np.hypot(turned, motion.direction * sigma_mm)
 
 
 def _raw_points(seen: Paired, standard: Paired, standard_xyz: FloatArray) -> tuple[Paired, FloatArray]:

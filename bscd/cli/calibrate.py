@@ -55,6 +55,8 @@ def calibrate_files(reference: Path, bsc: Path, choices: CalibrationChoices) -> 
     """Calibrate from two run files (or one that holds both scans)."""
     with RunFile(reference) as reference_run, RunFile(bsc) as bsc_run:
         texts = [parse_target(run.config_text, f"{run.path}, configuration").target for run in (reference_run, bsc_run)]
+        for name in sorted({"columns", "rows", "pitch_mm", "dot_diameter_mm", "margin_mm"} - texts[0].model_fields_set):
+            _warn(f"{reference}: its configuration does not give [target] {name}; {getattr(texts[0], name):g} is taken")
         if texts[0] != texts[1]:
             raise InputError(f"{reference} and {bsc} name different targets; scan the same target twice")
         with following("Calibration", "images") as progress:
@@ -64,8 +66,12 @@ def calibrate_files(reference: Path, bsc: Path, choices: CalibrationChoices) -> 
                 texts[0].grid(),
                 choices,
                 progress=progress,
-                warn=lambda text: typer.echo(f"warning: {text}", err=True),
+                warn=_warn,
             )
+
+
+def _warn(text: str) -> None:
+    typer.echo(f"warning: {text}", err=True)
 
 
 def describe(calibration: Calibration) -> list[str]:

@@ -22,7 +22,16 @@ from bscd.cli.following import following
 from bscd.cli.twin_truth import WitnessedCamera, with_truth
 from bscd.config import RigConfig, parse_config
 from bscd.errors import InputError
-from bscd.procedures import Rig, ScanRecipe, calibrate_runs, home, observe, record_scan, record_validation
+from bscd.procedures import (
+    Rig,
+    ScanRecipe,
+    calibrate_observations,
+    home,
+    observe,
+    record_scan,
+    record_validation,
+)
+from bscd.procedures.calibrate import origins_of, stage_repeatability
 from drivers.clock import VirtualClock
 from drivers.interfaces import Camera
 
@@ -75,7 +84,7 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
         rig.connect()
         try:
             home(rig)
-            calibration, runs = _calibrate(rig, config, config_text, out)
+            calibration, runs, reference_views = _calibrate(rig, config, config_text, out)
             views = _second_acquisition(rig, config, config_text, out)
         finally:
             rig.close()
@@ -105,6 +114,7 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
             config_text=config_text,
             runs=runs,
             examples=_examples(out),
+            reference_views=reference_views,
         ),
         out,
     )
@@ -150,7 +160,9 @@ def _recipe(config: RigConfig, **changes: Any) -> ScanRecipe:
     return ScanRecipe(**{**common, **changes})
 
 
-def _calibrate(rig: Rig, config: RigConfig, text: str, out: Path) -> tuple[Calibration, list[RunOrigin]]:
+def _calibrate(
+    rig: Rig, config: RigConfig, text: str, out: Path
+) -> tuple[Calibration, list[RunOrigin], Sequence[View]]:
     target = config.target.grid()
     for kind, title in (("reference", "Reference scan"), ("bsc", "Biprism scan")):
         with following(title) as progress:
@@ -158,11 +170,20 @@ def _calibrate(rig: Rig, config: RigConfig, text: str, out: Path) -> tuple[Calib
                 rig, _recipe(config, kind=kind), target, out / f"{kind}.h5", config_text=text, progress=progress
             )
     with RunFile(out / "reference.h5") as reference, RunFile(out / "bsc.h5") as bsc:
-        with following("Calibration", "images") as progress:
-            calibration = calibrate_runs(reference, bsc, target, config.calibration.choices(), progress=progress)
+        with following("Dots", "images") as progress:
+            seen = observe(reference, target, "reference", progress=progress)
+            seen_bsc = observe(bsc, target, "bsc", progress=progress)
+        calibration = calibrate_observations(
+            seen,
+            seen_bsc,
+            target,
+            config.calibration.choices(),
+            origins=origins_of(reference, bsc, datetime.now(UTC)),
+            repeatability=stage_repeatability(bsc),
+        )
         origins = [_origin(reference), _origin(bsc)]
     calibration.save(out / "calibration.h5")
-    return calibration, origins
+    return calibration, origins, seen.views
 
 
 def _second_acquisition(rig: Rig, config: RigConfig, text: str, out: Path) -> dict[str, Sequence[View]]:

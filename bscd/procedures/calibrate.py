@@ -49,7 +49,14 @@ def calibrate_runs(
     if warn is not None:
         for text in dict.fromkeys((*seen_reference.warnings, *seen_bsc.warnings)):
             warn(text)
-    return calibrate_observations(seen_reference, seen_bsc, target, choices, origins=_origins(reference, bsc, now()))
+    return calibrate_observations(
+        seen_reference,
+        seen_bsc,
+        target,
+        choices,
+        origins=origins_of(reference, bsc, now()),
+        repeatability=stage_repeatability(bsc),
+    )
 
 
 def calibrate_observations(
@@ -59,8 +66,9 @@ def calibrate_observations(
     choices: CalibrationChoices | None = None,
     *,
     origins: Mapping[str, str] | None = None,
+    repeatability: tuple[float, float] = (0.0, 0.0),
 ) -> Calibration:
-    """Calibrate from the dots of both scans.
+    """Calibrate from the dots of both scans; ``repeatability`` is the stages', one sigma, (mm, deg).
 
     Raises `InputError` when the images differ in size, the biprism was not raised for the one scan alone, and for
     what `bscd.calibration.calibrate` refuses.
@@ -78,7 +86,17 @@ def calibrate_observations(
         choices,
         origins=origins,
         jack_mm=_raised_mm(reference, bsc),
+        stage_sigma_mm=repeatability[0],
+        stage_sigma_deg=repeatability[1],
     )
+
+
+def stage_repeatability(run: RunFile) -> tuple[float, float]:
+    """One sigma of the translation (mm) and rotation stage (deg) as the run states it; 0 where it does not."""
+    axes = run.header.axes
+    values = [axes[name].tolerance if name in axes else math.nan for name in ("translation", "rotation")]
+    first, second = (0.0 if math.isnan(value) else value for value in values)
+    return first, second
 
 
 def _raised_mm(reference: Observations, bsc: Observations) -> float:
@@ -104,7 +122,8 @@ def _raised_mm(reference: Observations, bsc: Observations) -> float:
     return sum(heights) / len(heights)
 
 
-def _origins(reference: RunFile, bsc: RunFile, time: datetime) -> dict[str, str]:
+def origins_of(reference: RunFile, bsc: RunFile, time: datetime) -> dict[str, str]:
+    """What a calibration keeps of the runs that it was made from."""
     origins = {"program_version": __version__, "time": time.isoformat(timespec="seconds")}
     for role, run in (("reference", reference), ("bsc", bsc)):
         origins |= {

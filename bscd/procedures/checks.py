@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -90,10 +91,15 @@ def find_two_grids(
     require_exposed(seen)
     findings: dict[Half, GridFinding] = {}
     try:
-        for half in HALVES:
+        with ThreadPoolExecutor(len(HALVES), thread_name_prefix="halves") as pool:  # the kernels release the GIL
+            found = {
+                half: pool.submit(find_grid, seen.image, target, seen.pose, region=SplitRegion(split, half))
+                for half in HALVES
+            }
+        for half, future in found.items():
             where = f"{seen.where}, {half} view"
             try:
-                findings[half] = find_grid(seen.image, target, seen.pose, region=SplitRegion(split, half))
+                findings[half] = future.result()
             except CheckFailedError as error:
                 raise _placed(error, where) from error
             _require_complete(findings[half], target, seen.pose, where, needed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from bscd.acquisition import CameraName, FrameRecord
 from bscd.calibration.dots import SplitLine
@@ -26,15 +27,24 @@ class StepCheck:
 
     def __call__(self, step: ScanStep, records: Sequence[FrameRecord]) -> None:
         """Raise `CheckFailedError` with the reason when a position's frames are not good."""
-        for role in self._recipe.camera_roles:
-            images = [self._seen(record, step) for record in records if record.camera == role]
-            for image in images[1:]:
-                require_exposed(image)
-            if self._recipe.kind == "reference":
-                find_one_grid(images[0], self._target)
-            else:
-                require_exposed(images[0])
-                find_two_grids(images[0], self._target, self._split_of(images[0]))
+        roles = self._recipe.camera_roles
+        with ThreadPoolExecutor(len(roles), thread_name_prefix="check") as pool:
+            checks = [
+                pool.submit(self._check, [self._seen(record, step) for record in records if record.camera == role])
+                for role in roles
+            ]
+        for check in checks:
+            check.result()
+
+    def _check(self, images: Sequence[TargetImage]) -> None:
+        """One camera's frames."""
+        for image in images[1:]:
+            require_exposed(image)
+        if self._recipe.kind == "reference":
+            find_one_grid(images[0], self._target)
+        else:
+            require_exposed(images[0])
+            find_two_grids(images[0], self._target, self._split_of(images[0]))
 
     def _split_of(self, seen: TargetImage) -> SplitLine:
         """The split line of the scan's first image; the prism stays where it is."""

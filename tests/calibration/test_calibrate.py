@@ -74,6 +74,22 @@ def test_sigma_covers_68_percent(noise_px, solver):
     assert np.all(np.abs(share - 0.68) < 0.06), share
 
 
+def test_stage_repeatability_enters_sigma():
+    """Against a Monte Carlo: the target placed twice, each time off by the stages' repeatability."""
+    rig = ExactRig(noise_px=0.003, seed=3)
+    scans = rig.reference(positions=range(-3, 4)), rig.bsc(positions=range(-3, 4)), rig.target, SIZE
+    still, shaky = calibrate(*scans), calibrate(*scans, stage_sigma_mm=0.01, stage_sigma_deg=0.05)
+    added = np.sqrt(shaky.control.reference_sigma_mm**2 - still.control.reference_sigma_mm**2)
+    rows = np.flatnonzero(still.control.face_pose)[:200:20]
+    index, y_mm = still.control.index[rows], 2.0 * still.control.position[rows][0]
+    rng = np.random.default_rng(0)
+    placed = [
+        [rig.dots_mm(index, 0.05 * rng.normal(), y_mm + 0.01 * rng.normal()) for _ in range(2)] for _ in range(2000)
+    ]
+    scatter = np.std([first - second for first, second in placed], axis=0)
+    assert np.allclose(added[rows][:, :2], scatter[:, :2], rtol=0.1)
+
+
 def test_nothing_relies_on_the_papers_geometry():
     rig = ExactRig(
         noise_px=0.02,
