@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -92,7 +92,7 @@ def find_two_grids(
     findings: dict[Half, GridFinding] = {}
     try:
         with ThreadPoolExecutor(len(HALVES), thread_name_prefix="halves") as pool:  # the kernels release the GIL
-            found = {
+            found: dict[Half, Future[GridFinding]] = {
                 half: pool.submit(find_grid, seen.image, target, seen.pose, region=SplitRegion(split, half))
                 for half in HALVES
             }
