@@ -42,10 +42,12 @@ _FILES = ("reference.h5", "bsc.h5", "pos0.h5", "between.h5", "calibration.h5", "
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What the demo made: its folder, the calibration, and the figures of summary.json (mm)."""
+    """What the demo made: its folder, the calibration, both validations, and the figures of summary.json (mm)."""
 
     folder: Path
     calibration: Calibration
+    pos0: Validation
+    volume: Validation
     summary: dict[str, Any]
 
 
@@ -118,7 +120,7 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
         ),
         out,
     )
-    return DemoResult(out, calibration, summary)
+    return DemoResult(out, calibration, pos0, volume, summary)
 
 
 def _prepare(out: Path) -> None:
