@@ -92,7 +92,9 @@ def _solve_linear(points: FloatArray, pixels: FloatArray) -> FloatArray:
         rows[:, axis, 4 * axis : 4 * axis + 3] = points
         rows[:, axis, 4 * axis + 3] = 1.0
         rows[:, axis, 8:] = -pixels[:, axis, None] * points
-    return np.linalg.lstsq(rows.reshape(-1, 11), pixels.ravel(), rcond=None)[0]
+    system = rows.reshape(-1, 11)
+    scale = np.linalg.norm(system, axis=0)  # the same solution, from a better conditioned system
+    return np.linalg.lstsq(system / scale, pixels.ravel(), rcond=None)[0] / scale
 
 
 def _normalisation(values: FloatArray) -> FloatArray:
