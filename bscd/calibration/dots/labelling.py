@@ -103,9 +103,10 @@ def _label_corner(
             return _cut_at_edge(patches[0], ends[0], blobs, target)
         return _label_only_face(patches[0], blobs, target, seed)
     pair = sorted((0, 1), key=lambda k: float(np.median(blobs.xy_px[patches[k].member, 0])))
+    trusted = [_trusted(ends[k], patches[k], patches[other]) for k, other in (pair, pair[::-1])]
     placements = [
-        _Placement(patches[k], face, *_allowed(patches[k], ends[k], face, target))
-        for face, k in zip((1, 0), pair, strict=True)
+        _Placement(patches[k], face, *_allowed(patches[k], end, face, target))
+        for face, k, end in zip((1, 0), pair, trusted, strict=True)
     ]
     if seed is not None:
         fixed = _seeded(seed, [patches[k] for k in pair], blobs, target)
@@ -113,6 +114,12 @@ def _label_corner(
         if placements[0].face == placements[1].face:
             raise InputError(f"seed: its dot is on the other face than {seed.face} (0 is the right one)")
     return _best_view([placements], blobs, target)
+
+
+def _trusted(ends: Ends, patch: Patch, other: Patch) -> Ends:
+    """What is left of the ends where the other face shows more: this one is cut off, whatever lies beyond."""
+    rows, columns = patch.rows >= other.rows, patch.columns >= other.columns
+    return Ends(ends.top and rows, ends.bottom and rows, ends.left and columns, ends.right and columns)
 
 
 def _label_only_face(patch: Patch, blobs: Blobs, target: GridTarget, seed: Seed | None) -> list[LabelledPatch]:

@@ -102,6 +102,21 @@ def test_dots_cut_by_the_split_line_are_named():
             assert any("beyond" in reason for reason in missing.values())
 
 
+@pytest.mark.parametrize("rotation_deg", [CORNER_DEG, FACE_DEG])
+def test_a_bright_background_beyond_the_cut_holds_no_dots(rotation_deg):
+    """Cut by a line that is not known: nothing may be found on what is as bright as the face beside it."""
+    pose = "corner" if rotation_deg == CORNER_DEG else "face"
+    light = {"background": 0.55, "level": 0.6}
+    world = twin(rotation_deg, jack_mm=RAISED, shift_mm=(7.0 if pose == "corner" else 9.7, 0.0, 0.0), light=light)
+    dots, line = truth(world, side=side_of(world, "left")), true_split(world)
+    unknown = SplitLine(line.column_px + 40.0, line.tilt, False, 20.0, line.middle_row_px)
+    finding = find_grid(expose(world), GridTarget(), pose, region=SplitRegion(unknown, "left"))
+    assert set(np.flatnonzero(dots.visible[: None if pose == "corner" else 207])) <= set(finding.index)
+    assert (dots.xy_px[finding.index, 0] < line.column_at(dots.xy_px[finding.index, 1])).all()
+    assert np.abs(errors(finding, dots)).max() < 0.5
+    assert any(m.reason for m in finding.missing)
+
+
 def side_half_that_is_cut(world, line):
     """The half whose truth has dots on the wrong side of the line."""
     for half, sign in (("left", 1), ("right", -1)):
