@@ -48,8 +48,8 @@ def parse_config(text: str, name: str = "configuration") -> RigConfig:
         problems += sentences(err, RigConfig)
     if config is not None and not problems:
         problems += disagreements(config)
-    _refuse(name, problems)
-    assert config is not None  # noqa: S101  (no problems: it was validated)
+    if problems or config is None:
+        raise _refusal(name, problems)
     return config
 
 
@@ -67,8 +67,7 @@ def parse_target(text: str, name: str = "rig.toml") -> TargetFile:
     try:
         return TargetFile.model_validate(raw)
     except ValidationError as err:
-        _refuse(name, sentences(err, TargetFile))
-        raise
+        raise _refusal(name, sentences(err, TargetFile)) from err
 
 
 def config_schema() -> dict[str, Any]:
@@ -146,6 +145,5 @@ def _validated(entry: DriverEntry, raw: Any, section: str, problems: list[str]) 
         return None
 
 
-def _refuse(name: str, problems: list[str]) -> None:
-    if problems:
-        raise InputError("\n".join(f"{name}: {problem}" for problem in problems))
+def _refusal(name: str, problems: list[str]) -> InputError:
+    return InputError("\n".join(f"{name}: {problem}" for problem in problems))
