@@ -1,0 +1,1 @@
+"""Results: measured shapes and displacements of a run, kept and exported."""
