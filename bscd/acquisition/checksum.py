@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.acquisition.layout import DEFINITION, FORMAT_VERSION
+from bscd.acquisition.layout import RUN_FILE
 from bscd.acquisition.records import FrameRecord, RunHeader
 
 _QUANTITIES = ("y_mm", "rotation_deg", "jack_mm", "pressure_kpa", "exposure_s", "gain_db", "time_s")
@@ -58,7 +58,7 @@ def _plain(value: Any) -> Any:
 
 def run_sha256(header: str, frames: Iterable[str], log_time_ns: NDArray[np.int64], log_kpa: NDArray[np.float64]) -> str:
     """SHA-256 (hex) of a run from those of its header and frames (in the order recorded) and its pressure log."""
-    digest = hashlib.sha256(f"{DEFINITION} {FORMAT_VERSION}\n{header}\n".encode())
+    digest = hashlib.sha256(f"{RUN_FILE.definition} {RUN_FILE.version}\n{header}\n".encode())
     for frame in frames:
         digest.update(frame.encode() + b"\n")
     digest.update(np.ascontiguousarray(log_time_ns, "<i8").tobytes())

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 
 from bscd.acquisition.layout import COLUMNS, COMMIT_COLUMN
-from bscd.acquisition.nodes import dataset_at
 from bscd.acquisition.records import CameraMeta, FrameRecord
+from bscd.hdf5 import dataset_at
 
 
 class DetectorWriter:

@@ -6,25 +6,25 @@ import math
 
 import h5py
 
-from bscd.acquisition.layout import AXIS_UNIT, ENTRY, INSTRUMENT, PRESSURE
-from bscd.acquisition.nodes import dataset_at, group_at, text_at
+from bscd.acquisition.layout import AXIS_UNIT, INSTRUMENT, PRESSURE
 from bscd.acquisition.records import AXES, CAMERAS, AxisMeta, AxisUnit, CameraMeta, PressureMeta, RunHeader
+from bscd.hdf5 import ENTRY, dataset_at, group_at, read_identity, text_at
 from drivers.interfaces import Range
 
 
 def read_header(file: h5py.File) -> RunHeader:
     """The header that `bscd.acquisition.skeleton.create_skeleton` wrote; `KeyError` where a part is missing."""
-    instrument = group_at(file, INSTRUMENT)
+    instrument, identity = group_at(file, INSTRUMENT), read_identity(file)
     return RunHeader(
-        title=text_at(file, f"{ENTRY}/title"),
+        title=identity.title,
         cameras={name: _camera(group_at(instrument, name)) for name in CAMERAS if name in instrument},
         config_text=text_at(file, f"{ENTRY}/configuration/data"),
         recipe_text=text_at(file, f"{ENTRY}/recipe/data"),
         axes={name: _axis(group_at(instrument, name), AXIS_UNIT[name]) for name in AXES if name in instrument},
         pressure=_pressure(group_at(file, PRESSURE)) if PRESSURE in file else None,
-        uuid=text_at(file, f"{ENTRY}/entry_identifier_uuid"),
-        start_time=text_at(file, f"{ENTRY}/start_time"),
-        program_version=str(dataset_at(file, f"{ENTRY}/program_name").attrs["version"]),
+        uuid=identity.uuid,
+        start_time=identity.start_time,
+        program_version=identity.program_version,
     )
 
 

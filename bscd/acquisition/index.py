@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bscd.acquisition.layout import COLUMNS, COMMIT_COLUMN
-from bscd.acquisition.nodes import dataset_at
+from bscd.hdf5 import dataset_at
 
 
 def frame_index(detectors: Sequence[h5py.Group]) -> NDArray[np.int64]:

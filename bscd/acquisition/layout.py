@@ -10,14 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from bscd.acquisition.records import AxisName, AxisUnit
+from bscd.hdf5 import FileKind
 
-#: /entry/definition and its version; a reader refuses what it does not know.
-DEFINITION = "bscd_run"
-FORMAT_VERSION = "1"
+#: What a run file is; a reader refuses a definition and a version that it does not know.
+RUN_FILE = FileKind(
+    name="run file",
+    definition="bscd_run",
+    version="1",
+    source="a file of bscd import or a recording",
+    restore="copy it again from where it was recorded",
+    for_folder="make one of it with bscd import {path} RUN.h5",
+    keep="raw data is never overwritten",
+)
 
-ENTRY = "entry"
 INSTRUMENT = "entry/instrument"
-RECORDING = "entry/recording"
 PRESSURE = "entry/instrument/pressure"
 
 #: The column whose rows make frames valid: written last, so a crash never leaves half a frame.
@@ -25,8 +31,6 @@ COMMIT_COLUMN = "sequence_number"
 
 #: Longest event in bytes of UTF-8; longer ones go on in the next row.
 EVENT_BYTES = 256
-
-ROWS_PER_CHUNK = 256
 
 
 @dataclass(frozen=True, slots=True)

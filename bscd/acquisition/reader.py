@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +12,11 @@ from numpy.typing import NDArray
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.header import read_header
 from bscd.acquisition.index import frame_index
-from bscd.acquisition.layout import COLUMNS, ENTRY, INSTRUMENT, PRESSURE, RECORDING
+from bscd.acquisition.layout import COLUMNS, INSTRUMENT, PRESSURE, RUN_FILE
 from bscd.acquisition.means import FrameMean, mean_of_repeats, repeated_frames
-from bscd.acquisition.nodes import dataset_at, group_at, text_at
-from bscd.acquisition.opening import damage_reported, open_to_read
 from bscd.acquisition.pressure import interpolate_log_kpa
-from bscd.acquisition.records import CameraMeta, CameraName, FrameRecord, PhaseName, RunEvent, RunHeader, RunState
+from bscd.acquisition.records import CameraMeta, CameraName, FrameRecord, PhaseName, RunEvent, RunHeader
+from bscd.hdf5 import RECORDING, FileState, RecordedFile, dataset_at, group_at
 from drivers.interfaces import FrameStatus
 
 #: Columns of `RunFile.table`: where the frame is, then what is known of it.
@@ -28,23 +25,18 @@ _TABLE_DTYPE = np.dtype(
 )
 
 
-class RunFile:
+class RunFile(RecordedFile):
     """A run file, finished or still being written (then it shows what is there at each call).
 
     Raises `InputError` when the file is missing, is no run file, is cut off or damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
-        self._file = open_to_read(self.path)
-        try:
-            with damage_reported(self.path, "reading its header"):
-                self.header: RunHeader = read_header(self._file)
-                self._detectors = [group_at(self._file, f"{INSTRUMENT}/{name}") for name in self.header.cameras]
-                self._read_state()
-        except BaseException:
-            self._file.close()
-            raise
+        super().__init__(path, RUN_FILE)
+
+    def _read_header(self) -> None:
+        self.header: RunHeader = read_header(self._file)
+        self._detectors = [group_at(self._file, f"{INSTRUMENT}/{name}") for name in self.header.cameras]
 
     @property
     def uuid(self) -> str:
@@ -72,34 +64,9 @@ class RunFile:
         return self.header.cameras
 
     @property
-    def checksum(self) -> str:
-        """SHA-256 over all that was recorded; empty while the run is written or when its writer crashed."""
-        return self._read_text(f"{RECORDING}/sha256")
-
-    @property
-    def state(self) -> RunState:
-        """Whether the run is recording (or its writer crashed), complete or interrupted."""
-        return self._read_state()
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run came to its end."""
-        return self.state is RunState.COMPLETE
-
-    @property
-    def reason(self) -> str:
-        """Why the run was interrupted, else empty."""
-        return self._read_text(f"{RECORDING}/reason")
-
-    @property
-    def end_time(self) -> str:
-        """When the last frame was flushed or the run ended (ISO 8601, UTC)."""
-        return self._read_text(f"{ENTRY}/end_time")
-
-    @property
     def events(self) -> tuple[RunEvent, ...]:
         """What happened during the run."""
-        with damage_reported(self.path, "reading its events"):
+        with self._reading("reading its events"):
             times, texts = self._fresh(f"{RECORDING}/event_time"), self._fresh(f"{RECORDING}/event_text")
             events: list[list[bytes]] = []
             for time, piece in zip(times, texts, strict=False):
@@ -113,7 +80,7 @@ class RunFile:
         """The pressure log: times of the host's clock in ns ``(M,)`` and gauge pressures in kPa ``(M,)``."""
         if self.header.pressure is None:
             return np.zeros(0, np.int64), np.zeros(0)
-        with damage_reported(self.path, "reading the pressure log"):
+        with self._reading("reading the pressure log"):
             times, values = self._fresh(f"{PRESSURE}/value_log/time"), self._fresh(f"{PRESSURE}/value_log/value")
             size = min(len(times), len(values))
             return times[:size].astype(np.int64), values[:size].astype(np.float64)
@@ -125,7 +92,7 @@ class RunFile:
         place among its camera's) and ``sequence_number`` (its place in the run). A frame that came without its
         pressure has the one interpolated in the pressure log, if there is a log.
         """
-        with damage_reported(self.path, "reading the frames' metadata"):
+        with self._reading("reading the frames' metadata"):
             index = frame_index(self._detectors)
             table = np.zeros(len(index), _TABLE_DTYPE)
             table["row"] = index[:, 1]
@@ -168,34 +135,20 @@ class RunFile:
         digests: list[str] = []
         for row in self.table():
             where = f"frame {row['sequence_number']} ({row['camera']} camera, frame id {row['frame_id']})"
-            with damage_reported(self.path, f"reading {where}"):
+            with self._reading(f"reading {where}"):
                 detector = group_at(self._file, f"{INSTRUMENT}/{row['camera']}")
                 kept = dataset_at(detector, "sha256")[row["row"]].decode()
                 recorded_kpa = float(dataset_at(detector, "pressure_kpa")[row["row"]])
             if frame_sha256(self._record(row, pressure_kpa=recorded_kpa)) != kept:
                 return f"{self.path}: {where} is not what was recorded"
             digests.append(kept)
-        if self.state is not RunState.RECORDING and run_sha256(header, digests, *self.pressure_log()) != self.checksum:
+        if self.state is not FileState.RECORDING and run_sha256(header, digests, *self.pressure_log()) != self.checksum:
             return f"{self.path}: frames, or readings of the pressure, are missing or were exchanged"
         return None
 
-    def close(self) -> None:
-        """Close the file; may be called twice."""
-        self._file.close()
-
-    def __enter__(self) -> RunFile:
-        """The file itself; it is open since it was made."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
-        self.close()
-
     def _record(self, row: np.void, pressure_kpa: float) -> FrameRecord:
         where = f"reading frame {row['sequence_number']} of the {row['camera']} camera"
-        with damage_reported(self.path, where):
+        with self._reading(where):
             data = dataset_at(self._file, f"{INSTRUMENT}/{row['camera']}/data")[row["row"]]
             position = float(row["target_position"])
             data.flags.writeable = False
@@ -216,17 +169,3 @@ class RunFile:
                 gain_db=float(row["gain_db"]),
                 time_s=float(row["time_s"]),
             )
-
-    def _fresh(self, name: str) -> NDArray[np.generic]:
-        dataset = dataset_at(self._file, name)
-        dataset.id.refresh()
-        return dataset[:]
-
-    def _read_text(self, name: str) -> str:
-        with damage_reported(self.path, f"reading {name}"):
-            dataset_at(self._file, name).id.refresh()
-            return text_at(self._file, name)
-
-    def _read_state(self) -> RunState:
-        with damage_reported(self.path, "reading its state"):
-            return RunState(self._read_text(f"{RECORDING}/state"))

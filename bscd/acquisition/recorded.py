@@ -10,11 +10,10 @@ import h5py
 
 from bscd.acquisition.header import read_header
 from bscd.acquisition.index import frame_index
-from bscd.acquisition.layout import INSTRUMENT, RECORDING
-from bscd.acquisition.nodes import dataset_at, group_at, text_at
-from bscd.acquisition.opening import damage_reported
+from bscd.acquisition.layout import INSTRUMENT, RUN_FILE
 from bscd.acquisition.records import RunHeader, RunState
 from bscd.errors import InputError
+from bscd.hdf5 import RECORDING, damage_reported, dataset_at, group_at, text_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class Recorded:
 
 def recorded_in(file: h5py.File, path: Path) -> Recorded:
     """What an interrupted run holds; raises `InputError` for one that is complete or being written."""
-    with damage_reported(path, "reading what was recorded"):
+    with damage_reported(path, RUN_FILE, "reading what was recorded"):
         state = text_at(file, f"{RECORDING}/state")
         header = read_header(file)
         names = list(header.cameras)

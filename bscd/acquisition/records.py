@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bscd.hdf5 import FileState
 from drivers.interfaces import CameraInfo, FrameStatus, Range
 
 CameraName = Literal["primary", "auxiliary"]
@@ -24,15 +24,8 @@ PHASES: tuple[PhaseName, ...] = get_args(PhaseName)
 AXES: tuple[AxisName, ...] = get_args(AxisName)
 
 
-class RunState(StrEnum):
-    """Where a run file is in its life."""
-
-    RECORDING = "recording"
-    """Being written now, or cut off by a crash."""
-    COMPLETE = "complete"
-    """Closed at its end; never changed again."""
-    INTERRUPTED = "interrupted"
-    """Closed early, with a reason; `RunWriter.reopen` can go on."""
+#: Where a run file is in its life; with one that is interrupted `RunWriter.reopen` can go on.
+RunState = FileState
 
 
 @dataclass(frozen=True, slots=True)

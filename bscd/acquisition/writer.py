@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import uuid
-from collections.abc import Callable, Iterator, Mapping
-from datetime import UTC, datetime
+from collections.abc import Callable, Mapping
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
@@ -17,9 +16,7 @@ import numpy as np
 from bscd import __version__
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.detector import DetectorWriter
-from bscd.acquisition.layout import ENTRY, INSTRUMENT, RECORDING
-from bscd.acquisition.nodes import dataset_at, group_at
-from bscd.acquisition.opening import abandon, create_file, open_to_continue, write_failure
+from bscd.acquisition.layout import INSTRUMENT, RUN_FILE
 from bscd.acquisition.recorded import Recorded, recorded_in
 from bscd.acquisition.records import (
     CAMERAS,
@@ -31,20 +28,22 @@ from bscd.acquisition.records import (
     FrameRecord,
     PressureMeta,
     RunHeader,
-    RunState,
 )
 from bscd.acquisition.run_columns import EventWriter, PositionerWriter, PressureWriter
 from bscd.acquisition.skeleton import create_skeleton
 from bscd.errors import BscdError, InputError
+from bscd.hdf5 import (
+    RECORDING,
+    FileState,
+    GrowingFile,
+    beginning,
+    create_file,
+    group_at,
+    open_to_continue,
+    utc_now,
+    utc_text,
+)
 from drivers.interfaces import PressureReading
-
-#: Room that is left on the disk, enough to close the file.
-_RESERVE_BYTES = 8_000_000
-
-
-def utc_now() -> datetime:
-    """The host's wall clock, UTC."""
-    return datetime.now(UTC)
 
 
 class RunWriter:
@@ -97,21 +96,14 @@ class RunWriter:
             axes=dict(axes or {}),
             pressure=pressure,
             uuid=run_uuid or str(uuid.uuid4()),
-            start_time=_iso(now()),
+            start_time=utc_text(now()),
             program_version=program_version,
         )
-        file = create_file(Path(path))
-        try:
+        where = Path(path)
+        file = create_file(where, RUN_FILE)
+        with beginning(where, file, "laying out the file", new=True):
             create_skeleton(file, header)
-            self._begin(Path(path), file, Recorded(header), flush_every, now)
-        except (OSError, RuntimeError) as err:
-            abandon(file)
-            Path(path).unlink(missing_ok=True)
-            raise write_failure(Path(path), "laying out the file", err) from err
-        except BaseException:
-            file.close()
-            Path(path).unlink(missing_ok=True)
-            raise
+            self._begin(where, file, Recorded(header), flush_every, now)
 
     @classmethod
     def reopen(
@@ -122,17 +114,11 @@ class RunWriter:
         Raises `InputError` when the run is complete (raw data is never changed) or its writer was killed.
         """
         where = Path(path)
-        file = open_to_continue(where)
-        try:
+        file = open_to_continue(where, RUN_FILE)
+        with beginning(where, file, "opening it again", new=False):
             writer = cls.__new__(cls)
             writer._begin(where, file, recorded_in(file, where), flush_every, now)
             writer.event("recording goes on")
-        except (OSError, RuntimeError) as err:
-            abandon(file)
-            raise write_failure(where, "opening it again", err) from err
-        except BaseException:
-            file.close()
-            raise
         return writer
 
     def _begin(
@@ -141,8 +127,6 @@ class RunWriter:
         instrument, header = group_at(file, INSTRUMENT), recorded.header
         self.path = path
         self.header = header
-        self._file = file
-        self._now = now
         self._flush_every = flush_every
         self._digests = recorded.frames_sha256
         self._committed = frames = len(self._digests)
@@ -155,11 +139,7 @@ class RunWriter:
         }
         self._pressure = None if header.pressure is None else PressureWriter(file, frames)
         self._events = EventWriter(group_at(file, RECORDING))
-        file.swmr_mode = True
-        self._put(f"{RECORDING}/state", RunState.RECORDING.value)
-        self._put(f"{RECORDING}/reason", "")
-        self._put(f"{RECORDING}/sha256", "")
-        file.flush()
+        self._growing = GrowingFile(path, file, now)
 
     @property
     def uuid(self) -> str:
@@ -182,9 +162,9 @@ class RunWriter:
         detector = self._detectors[record.camera]
         if why := detector.misfit(record):
             raise InputError(f"{self.path}: frame {record.frame_id} of the {record.camera} camera does not fit, {why}")
-        self._check_space(record.data.nbytes)
+        self._growing.check_space(record.data.nbytes)
         digest = frame_sha256(record)
-        with self._writing(f"writing frame {len(self._digests)}"):
+        with self._growing.writing(f"writing frame {len(self._digests)}"):
             detector.append(record, len(self._digests), digest)
         for positioner in self._positioners.values():
             positioner.append(record)
@@ -207,66 +187,43 @@ class RunWriter:
     def event(self, text: str) -> None:
         """Keep a remark with the time of now."""
         self._check_open()
-        with self._writing("writing an event"):
-            self._events.write(_iso(self._now()), text)
+        with self._growing.writing("writing an event"):
+            self._events.write(self._growing.time_text(), text)
 
     def flush(self) -> None:
         """Hand everything to the operating system; the frames so far survive the end of this program."""
         self._check_open()
-        with self._writing("writing the frames' metadata"):
+        with self._growing.writing("writing the frames' metadata"):
             for detector in self._detectors.values():
                 detector.write_rows()
             for positioner in self._positioners.values():
                 positioner.write()
             if self._pressure is not None:
                 self._pressure.write()
-            self._put(f"{ENTRY}/end_time", _iso(self._now()))
-            self._file.flush()  # before the marks, or a crash between could leave marked frames without content
+            self._growing.stamp()
+            self._growing.file.flush()  # before the marks, or a crash between could leave marked frames without content
             for detector in self._detectors.values():
                 detector.mark()
-            self._file.flush()
+            self._growing.file.flush()
         self._committed = len(self._digests)
 
     def close(self) -> None:
         """End the run as complete; does nothing when it has ended."""
-        self._end(RunState.COMPLETE, "")
+        self._end(FileState.COMPLETE, "")
 
     def interrupt(self, reason: str) -> None:
         """End the run early, as incomplete, with the reason; `reopen` can go on. Does nothing when it has ended."""
-        self._end(RunState.INTERRUPTED, reason)
+        self._end(FileState.INTERRUPTED, reason)
 
-    def _end(self, state: RunState, reason: str) -> None:
-        if not self._file:
+    def _end(self, state: FileState, reason: str) -> None:
+        if not self._growing.is_open:
             return
         self.flush()
-        with self._writing("closing it"):
+        with self._growing.writing("closing it"):
             if self._pressure is not None:
                 self._pressure.interpolate()
             log = self._pressure.readings() if self._pressure else (np.zeros(0, np.int64), np.zeros(0))
-            self._put(f"{RECORDING}/sha256", run_sha256(header_sha256(self.header), self._digests, *log))
-            self._put(f"{RECORDING}/reason", reason)
-            self._put(f"{RECORDING}/state", state.value)
-            self._file.flush()
-            os.fsync(self._file.id.get_vfd_handle())
-            self._file.close()
-
-    @contextlib.contextmanager
-    def _writing(self, doing: str) -> Iterator[None]:
-        """Give the file up when writing fails: what was flushed can be read, nothing more can be written."""
-        try:
-            yield
-        except (OSError, RuntimeError) as err:
-            abandon(self._file)
-            raise write_failure(self.path, doing, err) from err
-
-    def _check_space(self, needed_bytes: int) -> None:
-        """Stop while the file can still be closed well: once HDF5 fails to write, it can not."""
-        free_bytes = shutil.disk_usage(self.path.parent).free
-        if free_bytes < needed_bytes + _RESERVE_BYTES:
-            raise BscdError(
-                f"{self.path}: the disk is full ({free_bytes / 1e6:.0f} MB left); the frames before are kept, "
-                "make room to go on"
-            )
+        self._growing.end(state, reason, run_sha256(header_sha256(self.header), self._digests, *log))
 
     def __enter__(self) -> RunWriter:
         """The writer itself; the file is open since it was made."""
@@ -282,15 +239,6 @@ class RunWriter:
         with contextlib.suppress(BscdError):  # the first error is the one to report
             self.interrupt(str(error) or type(error).__name__)
 
-    def _put(self, name: str, value: str) -> None:
-        dataset = dataset_at(self._file, name)
-        size = dataset.dtype.itemsize
-        dataset[()] = value.encode()[:size].decode("utf-8", "ignore").encode()
-
     def _check_open(self) -> None:
-        if not self._file:
+        if not self._growing.is_open:
             raise BscdError(f"{self.path}: the run has ended; begin a new one or reopen it")
-
-
-def _iso(time: datetime) -> str:
-    return time.astimezone(UTC).isoformat(timespec="milliseconds")

@@ -1,1 +1,46 @@
 """What the project's HDF5 files have in common: opened, written while they can be read, closed with a state."""
+
+from bscd.hdf5.building import (
+    FileIdentity,
+    describe,
+    make_column,
+    make_entry,
+    make_group,
+    make_note,
+    make_number,
+    make_text,
+)
+from bscd.hdf5.growing import GrowingFile, beginning, utc_now, utc_text
+from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
+from bscd.hdf5.nodes import dataset_at, group_at, text_at
+from bscd.hdf5.opening import create_file, damage_reported, open_to_continue, open_to_read
+from bscd.hdf5.reading import RecordedFile, read_identity
+from bscd.hdf5.states import FileState
+
+__all__ = [
+    "ENTRY",
+    "RECORDING",
+    "FileIdentity",
+    "FileKind",
+    "FileState",
+    "GrowingFile",
+    "RecordedFile",
+    "beginning",
+    "create_file",
+    "damage_reported",
+    "dataset_at",
+    "describe",
+    "group_at",
+    "make_column",
+    "make_entry",
+    "make_group",
+    "make_note",
+    "make_number",
+    "make_text",
+    "open_to_continue",
+    "open_to_read",
+    "read_identity",
+    "text_at",
+    "utc_now",
+    "utc_text",
+]

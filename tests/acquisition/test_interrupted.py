@@ -174,16 +174,16 @@ from dataclasses import replace
 from bscd.acquisition import RunFile, RunWriter
 from bscd.errors import BscdError
 from tests.acquisition.run_records import SETTINGS, frames
-from bscd.acquisition import writer
+from bscd.hdf5 import growing
 path, record = sys.argv[1], next(frames(1))
 _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-let_go = writer.abandon
+let_go = growing.abandon
 
 def abandon(file):  # a full disk does not limit memory, as this test's limit does
     resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
     let_go(file)
 
-writer.abandon = abandon
+growing.abandon = abandon
 try:
     with RunWriter(path, **SETTINGS) as run:
         run.append(record)

@@ -1,4 +1,4 @@
-"""Open run files, and say in one sentence why one can not be opened."""
+"""Open files, and say in one sentence why one can not be opened."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 
 import h5py
 
-from bscd.acquisition.layout import DEFINITION, ENTRY, FORMAT_VERSION
-from bscd.acquisition.nodes import dataset_at, text_at
 from bscd.errors import BscdError, InputError
+from bscd.hdf5.kind import ENTRY, FileKind
+from bscd.hdf5.nodes import dataset_at, text_at
 
 #: HDF5 1.10's format: the oldest that has SWMR, readable by every tool of today.
 _LIBVER = ("v110", "v110")
@@ -23,36 +23,36 @@ _SIGNATURE, _VERSION, _FLAGS, _OPEN_FOR_WRITE = b"\x89HDF\r\n\x1a\n", 8, 11, 1
 _SYSTEM_SAID = re.compile(r"error message = '([^']+)'")
 
 
-def create_file(path: Path) -> h5py.File:
+def create_file(path: Path, kind: FileKind) -> h5py.File:
     """A new, empty HDF5 file; raises `InputError` rather than overwrite anything."""
     try:
         return h5py.File(path, "x", libver=_LIBVER)
     except FileExistsError as err:
-        raise InputError(f"{path} exists already and raw data is never overwritten; choose another name") from err
+        raise InputError(f"{path} exists already and {kind.keep}; choose another name") from err
     except FileNotFoundError as err:
         raise InputError(f"{path}: there is no folder {path.parent}; make it or choose another one") from err
     except OSError as err:
         raise InputError(f"{path} can not be made ({_reason(err)}); choose another place") from err
 
 
-def open_to_continue(path: Path) -> h5py.File:
-    """An existing run file, to be written on."""
-    _superblock(path)
+def open_to_continue(path: Path, kind: FileKind) -> h5py.File:
+    """An existing file, to be written on."""
+    _superblock(path, kind)
     try:
         file = h5py.File(path, "r+", libver=_LIBVER)
     except OSError as err:
-        raise _explained(path, err) from err
-    return _checked(file, path)
+        raise _explained(path, kind, err) from err
+    return _checked(file, path, kind)
 
 
-def open_to_read(path: Path) -> h5py.File:
-    """An existing run file, finished, being written, or left by a writer that crashed."""
-    left_open = _superblock(path)[_FLAGS] & _OPEN_FOR_WRITE
+def open_to_read(path: Path, kind: FileKind) -> h5py.File:
+    """An existing file, finished, being written, or left by a writer that crashed."""
+    left_open = _superblock(path, kind)[_FLAGS] & _OPEN_FOR_WRITE
     try:
         file = h5py.File(path, "r", swmr=bool(left_open))
     except OSError as err:
-        raise _explained(path, err) from err
-    return _checked(file, path)
+        raise _explained(path, kind, err) from err
+    return _checked(file, path, kind)
 
 
 def abandon(file: h5py.File) -> None:
@@ -71,14 +71,12 @@ def abandon(file: h5py.File) -> None:
 
 
 @contextmanager
-def damage_reported(path: Path, doing: str) -> Iterator[None]:
+def damage_reported(path: Path, kind: FileKind, doing: str) -> Iterator[None]:
     """Turn HDF5's errors on reading into one sentence."""
     try:
         yield
     except (OSError, RuntimeError, KeyError, ValueError, UnicodeError) as err:
-        raise InputError(
-            f"{path} is damaged ({doing}: {_reason(err)}); copy it again from where it was recorded"
-        ) from err
+        raise InputError(f"{path} is damaged ({doing}: {_reason(err)}); {kind.restore}") from err
 
 
 def write_failure(path: Path, doing: str, err: Exception) -> BscdError:
@@ -88,19 +86,19 @@ def write_failure(path: Path, doing: str, err: Exception) -> BscdError:
     )
 
 
-def _superblock(path: Path) -> bytes:
+def _superblock(path: Path, kind: FileKind) -> bytes:
     """The head of the file's superblock; raises `InputError` for what is no HDF5 file."""
     if path.is_dir():
-        raise InputError(f"{path} is a folder, not a run file; make one of it with bscd import {path} RUN.h5")
+        raise InputError(f"{path} is a folder, not a {kind.name}; {kind.for_folder.format(path=path)}")
     try:
         with path.open("rb") as file:
             head = file.read(_FLAGS + 1)
     except FileNotFoundError as err:
         raise InputError(f"{path} does not exist; check the name") from err
     except OSError as err:
-        raise _explained(path, err) from err
+        raise _explained(path, kind, err) from err
     if not head.startswith(_SIGNATURE) or len(head) <= _FLAGS:
-        raise InputError(f"{path} is not an HDF5 file; give a run file that bscd recorded or imported")
+        raise InputError(f"{path} is not an HDF5 file; give {kind.source}")
     # before version 3 the byte means something else
     return head if head[_VERSION] >= 3 else head[:_FLAGS] + b"\0"
 
@@ -115,10 +113,10 @@ def _reason(err: Exception) -> str:
     return inner[:160] or type(err).__name__
 
 
-def _explained(path: Path, err: OSError) -> InputError:
+def _explained(path: Path, kind: FileKind, err: OSError) -> InputError:
     said = str(err)
     if "truncated" in said:
-        return InputError(f"{path} is cut off, it is shorter than it was; copy it again from where it was recorded")
+        return InputError(f"{path} is cut off, it is shorter than it was; {kind.restore}")
     if "already open for write" in said:
         return InputError(
             f"{path} is being written, or its writer crashed; its frames can be read, but to go on record "
@@ -128,22 +126,22 @@ def _explained(path: Path, err: OSError) -> InputError:
         return InputError(f"{path} is in use by another program; close it there first")
     if isinstance(err, PermissionError):
         return InputError(f"{path} may not be opened by this user; change its permissions")
-    return InputError(f"{path} can not be read ({_reason(err)}); copy it again from where it was recorded")
+    return InputError(f"{path} can not be read ({_reason(err)}); {kind.restore}")
 
 
-def _checked(file: h5py.File, path: Path) -> h5py.File:
-    """The file, if it is a run file of a version that is known here; else it is closed."""
+def _checked(file: h5py.File, path: Path, kind: FileKind) -> h5py.File:
+    """The file, if it is one of the kind and of a version that is known here; else it is closed."""
     try:
-        with damage_reported(path, "reading its definition"):
+        with damage_reported(path, kind, "reading its definition"):
             known = f"{ENTRY}/definition" in file
             definition = text_at(file, f"{ENTRY}/definition") if known else ""
             version = str(dataset_at(file, f"{ENTRY}/definition").attrs.get("version", "")) if known else ""
-        if definition != DEFINITION:
-            kind = f"it is a {definition!r} file" if definition else "it names no definition"
-            raise InputError(f"{path} is not a run file of bscd ({kind}); give a file of bscd import or a recording")
-        if version != FORMAT_VERSION:
+        if definition != kind.definition:
+            found = f"it is a {definition!r} file" if definition else "it names no definition"
+            raise InputError(f"{path} is not a {kind.name} of bscd ({found}); give {kind.source}")
+        if version != kind.version:
             raise InputError(
-                f"{path} is a run file of version {version!r}, this program reads version {FORMAT_VERSION}; "
+                f"{path} is a {kind.name} of version {version!r}, this program reads version {kind.version}; "
                 "use the program that wrote it"
             )
     except BaseException:

@@ -1,0 +1,105 @@
+"""Read what all files that grow have in common, finished or still being written."""
+
+from __future__ import annotations
+
+import os
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from bscd.hdf5.building import FileIdentity
+from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
+from bscd.hdf5.nodes import dataset_at, text_at
+from bscd.hdf5.opening import damage_reported, open_to_read
+from bscd.hdf5.states import FileState
+
+
+def read_identity(file: h5py.File) -> FileIdentity:
+    """What the file says of itself; `KeyError` where a part is missing."""
+    return FileIdentity(
+        title=text_at(file, f"{ENTRY}/title"),
+        uuid=text_at(file, f"{ENTRY}/entry_identifier_uuid"),
+        start_time=text_at(file, f"{ENTRY}/start_time"),
+        program_version=str(dataset_at(file, f"{ENTRY}/program_name").attrs["version"]),
+    )
+
+
+class RecordedFile:
+    """A file of a kind; while it is written it shows what is there at each call. A context manager.
+
+    Raises `InputError` when the file is missing, is of no or another kind, is cut off or damaged.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], kind: FileKind) -> None:
+        self.path = Path(path)
+        self._kind = kind
+        self._file = open_to_read(self.path, kind)
+        try:
+            self._read_state()
+            with self._reading("reading its header"):
+                self._read_header()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _read_header(self) -> None:
+        """Read what is fixed when the file is made; for the kinds to fill in."""
+
+    @property
+    def checksum(self) -> str:
+        """SHA-256 over all that was written; empty while it is written or when its writer crashed."""
+        return self._read_text(f"{RECORDING}/sha256")
+
+    @property
+    def state(self) -> FileState:
+        """Whether it is recording (or its writer crashed), complete or interrupted."""
+        return self._read_state()
+
+    @property
+    def complete(self) -> bool:
+        """Whether it came to its end."""
+        return self.state is FileState.COMPLETE
+
+    @property
+    def reason(self) -> str:
+        """Why it was interrupted, else empty."""
+        return self._read_text(f"{RECORDING}/reason")
+
+    @property
+    def end_time(self) -> str:
+        """When the last frame was flushed or it ended (ISO 8601, UTC)."""
+        return self._read_text(f"{ENTRY}/end_time")
+
+    def close(self) -> None:
+        """Close the file; may be called twice."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        """The file itself; it is open since it was made."""
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def _reading(self, doing: str) -> AbstractContextManager[None]:
+        """Turn HDF5's errors on reading into one sentence."""
+        return damage_reported(self.path, self._kind, doing)
+
+    def _fresh(self, name: str) -> NDArray[np.generic]:
+        dataset = dataset_at(self._file, name)
+        dataset.id.refresh()
+        return dataset[:]
+
+    def _read_text(self, name: str) -> str:
+        with self._reading(f"reading {name}"):
+            dataset_at(self._file, name).id.refresh()
+            return text_at(self._file, name)
+
+    def _read_state(self) -> FileState:
+        with self._reading("reading its state"):
+            return FileState(self._read_text(f"{RECORDING}/state"))
