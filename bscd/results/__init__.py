@@ -1,1 +1,25 @@
-"""Results: measured shapes and displacements of a run, kept and exported."""
+"""Results: measured shapes and displacements of a run, kept and read back; `bscd.results.export` hands them on."""
+
+from bscd.results.reader import ResultsFile
+from bscd.results.records import (
+    VALID,
+    FrameResult,
+    MembraneFrame,
+    Origin,
+    ParameterValue,
+    ResultsHeader,
+    StereoSource,
+)
+from bscd.results.writer import ResultsWriter
+
+__all__ = [
+    "VALID",
+    "FrameResult",
+    "MembraneFrame",
+    "Origin",
+    "ParameterValue",
+    "ResultsFile",
+    "ResultsHeader",
+    "ResultsWriter",
+    "StereoSource",
+]
