@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -79,6 +80,14 @@ class ResultsHeader:
     uuid: str = ""
     start_time: str = ""
     program_version: str = __version__
+
+    def parameters_json(self) -> str:
+        """The parameters as strict JSON, which knows no NaN and no infinity: they become null."""
+
+        def strict(value: ParameterValue) -> ParameterValue | None:
+            return None if isinstance(value, float) and not math.isfinite(value) else value
+
+        return json.dumps({name: strict(value) for name, value in self.parameters.items()}, indent=1, allow_nan=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
-
 import h5py
 import numpy as np
 
@@ -67,14 +64,9 @@ def _make_process(entry: h5py.Group, header: ResultsHeader) -> None:
     process["program"], process["version"] = "bscd", header.program_version
     process["date"] = header.start_time
     parameters = make_group(process, "parameters", "NXparameters")
-    parameters["json"] = json.dumps({name: _strict(value) for name, value in header.parameters.items()}, indent=1)
+    parameters["json"] = header.parameters_json()
     for name, value in header.parameters.items():
         parameters.attrs[name] = value
-
-
-def _strict(value: ParameterValue) -> ParameterValue | None:
-    """JSON knows no NaN and no infinity."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _make_data(entry: h5py.Group, header: ResultsHeader) -> None:
