@@ -44,7 +44,8 @@ def register(app: typer.Typer) -> None:
                     f"warning: {results} is not complete ({_why(measured)}); what it holds is exported", err=True
                 )
             made = EXPORTERS[to](measured, folder, lambda done, total, doing: report(Progress(done, total, doing)))
-        files = f"{len(made)} files, {made[0].name} to {made[-1].name}" if len(made) > 1 else made[0].name
+        names = [path.name for path in made]
+        files = f"{len(names)} files, {names[0]} to {names[-1]}" if len(names) > 1 else names[0]
         typer.echo(f"{folder}: {count} frames of {points} points in {files}")
 
 

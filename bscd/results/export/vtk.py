@@ -8,6 +8,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bscd.arrays import FloatArray, IntArray
 from bscd.results.export.folder import ExportProgress, exporting, frames_to_export
@@ -50,7 +51,9 @@ def frame_mesh(points_px: FloatArray, triangles: IntArray, frame: FrameResult) -
     place = np.cumsum(known) - 1
     surface = triangles[known[triangles].all(axis=1)]
     alone = np.setdiff1d(np.flatnonzero(known), surface)[:, None]
-    cells = [(kind, place[corners]) for kind, corners in (("triangle", surface), ("vertex", alone)) if len(corners)]
+    cells: list[tuple[str, ArrayLike] | meshio.CellBlock] = [
+        (kind, place[corners]) for kind, corners in (("triangle", surface), ("vertex", alone)) if len(corners)
+    ]
     values = {
         "point": np.arange(len(known), dtype=np.int32),
         "valid": frame.valid.astype(np.uint8),
