@@ -144,15 +144,15 @@ def checked_image(image: Image, name: str = "image") -> Image:
     return values
 
 
-def checked_mask(mask: BoolArray | None, shape: tuple[int, ...]) -> BoolArray | None:
+def checked_mask(mask: BoolArray | None, shape: tuple[int, ...], name: str = "mask") -> BoolArray | None:
     """The mask ``(H, W)`` as booleans, None if everything counts; `InputError` unless it is one for this image."""
     if mask is None:
         return None
     used = np.asarray(mask)
     if used.shape != shape:
-        raise InputError(f"mask: its shape is {used.shape}, the image's {shape}; give one value a pixel")
+        raise InputError(f"{name}: its shape is {used.shape}, the image's {shape}; give one value a pixel")
     if used.dtype.kind not in "bui":
-        raise InputError(f"mask: holds True where pixels count, not values of type {used.dtype}")
+        raise InputError(f"{name}: holds True where pixels count, not values of type {used.dtype}")
     whole = np.ascontiguousarray(used != 0)
     return None if whole.all() else whole
 

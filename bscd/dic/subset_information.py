@@ -22,7 +22,7 @@ _NOISE_GAIN = float(np.sum(_DERIVATIVE.astype(np.float64) ** 2))
 _ROUNDING = 1e-6  # of a sum of squares
 _TEXTURE = 0.3  # of what noise alone gives, by which texture must exceed it
 _ALONG = 0.1  # the component of a direction along an axis that counts
-_BAND_ROWS = 128  # of centres, measured at a time: what is read again stays in the processor's cache
+_BAND_ROWS = 96  # of centres, measured at a time: what is read again stays in the processor's cache
 _THREADS = 4  # at most
 #: Elements of the Hessian that are sums of the same: u_y v_x and u_x v_y, and so on.
 _SAME = {(3, 4): (2, 5), (4, 6): (2, 7), (5, 6): (3, 7)}
@@ -107,23 +107,31 @@ class _SubsetSums:
     """
 
     def __init__(self, centre: IntArray, half: int, shape: tuple[int, ...]) -> None:
-        low = np.maximum(centre - half, 0)
-        high = np.minimum(centre + half + 1, [shape[1], shape[0]])
-        origin, end = low.min(axis=0), high.max(axis=0)
-        self.part = slice(int(origin[1]), int(end[1])), slice(int(origin[0]), int(end[0]))
-        (left, top), (right, bottom) = (low - origin).T, (high - origin).T
+        x, y = np.ascontiguousarray(centre.T)
+        left, right = np.maximum(x - half, 0), np.minimum(x + half + 1, shape[1])
+        top, bottom = np.maximum(y - half, 0), np.minimum(y + half + 1, shape[0])
+        first, last, highest, lowest = (int(n) for n in (left.min(), right.max(), top.min(), bottom.max()))
+        self.part = slice(highest, lowest), slice(first, last)
         self.area = ((right - left) * (bottom - top)).astype(np.float64)
-        width, height = (int(n) for n in end - origin)
-        self._corners = [y * (width + 1) + x for y, x in ((bottom, right), (top, right), (bottom, left), (top, left))]
+        height, width = lowest - highest, last - first
+        self._corners = [
+            (row - highest) * (width + 1) + column - first
+            for row, column in ((bottom, right), (top, right), (bottom, left), (top, left))
+        ]
         self._tables = np.empty((2, height + 1, width + 1))
-        middle = (origin + end - 1) / 2.0
-        self.columns = (np.arange(origin[0], end[0]) - middle[0]).astype(np.float32)[None, :]
-        self.rows = (np.arange(origin[1], end[1]) - middle[1]).astype(np.float32)[:, None]
-        self.x, self.y = (centre - middle).T
+        self._product = np.empty((height, width), np.float32)
+        middle = (first + last - 1) / 2.0, (highest + lowest - 1) / 2.0
+        self.columns = (np.arange(first, last) - middle[0]).astype(np.float32)[None, :]
+        self.rows = (np.arange(highest, lowest) - middle[1]).astype(np.float32)[:, None]
+        self.x, self.y = x - middle[0], y - middle[1]
 
     def total(self, field: FloatImage | NDArray[np.uint8]) -> FloatArray:
         """Sums ``(N,)`` of a field on the part."""
         return self._over_subsets(cv2.integral(field, self._tables[0], cv2.CV_64F))
+
+    def total_product(self, one: FloatImage, other: FloatImage) -> FloatArray:
+        """Sums ``(N,)`` of the product of two fields on the part."""
+        return self.total(np.multiply(one, other, out=self._product))
 
     def totals(self, field: FloatImage) -> tuple[FloatArray, FloatArray]:
         """Sums ``(N,)`` of a field and of its squares; both cost hardly more than one."""
@@ -144,7 +152,7 @@ def _hessian(sums: _SubsetSums, grey: FloatImage, along_x: FloatImage, along_y: 
         hessian[0, k], hessian[k, k] = sums.totals(one)
     for (k, one), (m, other) in combinations(enumerate(change, start=1), 2):
         if (k, m) not in _SAME:
-            hessian[k, m] = sums.total(one * other)
+            hessian[k, m] = sums.total_product(one, other)
     for pair, twin in _SAME.items():
         hessian[pair] = hessian[twin]
     # offsets from each subset's centre instead of the part's middle

@@ -1,0 +1,205 @@
+"""Correlate two images: initial guesses, the cheapest that works first, then IC-GN at every point."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bscd.arrays import BoolArray, FloatArray
+from bscd.dic.correlation import Correlation, Status
+from bscd.dic.images import PreparedImage, prepare
+from bscd.dic.matching import Matching
+from bscd.dic.noise import Image, estimate_noise
+from bscd.dic.solver import PARAMETERS, ShapeName, SolverOptions, with_noise
+from bscd.dic.spline import SplineName
+from bscd.errors import InputError
+
+
+def correlate(
+    reference: Image | PreparedImage,
+    current: Image | PreparedImage,
+    points_px: FloatArray,
+    *,
+    subset_px: int = 21,
+    guess_px: FloatArray | None = None,
+    shape: ShapeName = "affine",
+    interpolation: SplineName = "quintic",
+    reference_mask: BoolArray | None = None,
+    current_mask: BoolArray | None = None,
+    noise_grey: float | tuple[float, float] | None = None,
+    search_px: int = 41,
+    zncc_min: float = 0.7,
+    tolerance_px: float = 0.001,
+    max_iterations: int = 30,
+    threads: int | None = None,
+) -> Correlation:
+    """Find where points of a reference image are in a current image.
+
+    IC-GN with the ZNSSD criterion (Pan, Li, Tong 2013, Exp Mech 53:1277-1289; second order: Gao et al. 2015, Opt
+    Lasers Eng 65:73-80) on a B-spline. The result does not depend on the number of threads.
+
+    Parameters
+    ----------
+    reference, current
+        ``(H, W)``, integers or floats, of one size and type; or `prepare`d, with their masks, interpolation and subset.
+    points_px
+        ``(N, 2)`` (column, row) in the reference, whole or fractional pixels.
+    subset_px
+        Edge of the square subset, odd. Near borders and masks the valid part of it is used.
+    guess_px
+        Displacements ``(N, 2)`` or shape parameters ``(N, 6)`` / ``(N, 12)`` to start from, NaN where not known.
+        Without it, and where it fails: dense flow, neighbours, features and search, in this order of cost.
+    shape
+        "affine" (6 parameters) or "quadratic" (12, for steep gradients; about twice the noise).
+    reference_mask, current_mask
+        ``(H, W)``, True where pixels may be used.
+    noise_grey
+        Standard deviation of the noise in grey levels of both images or of (reference, current); estimated from the
+        images by default. Sigma rests on it, or on the match's residual where that is larger.
+    search_px
+        Window of the search, centred on the best guess (the last resort).
+    zncc_min
+        Matches below it are refused.
+    tolerance_px
+        A point has converged when the last step moved the edge of its subset by less.
+    threads
+        None: all cores that the process may use.
+
+    Raises
+    ------
+    InputError
+        For images, masks, points or settings that can not be used. Points that can not be matched are no error: their
+        `Status` says why.
+    """
+    points = _checked_points(points_px)
+    _check_settings(subset_px, search_px, zncc_min, tolerance_px, max_iterations, threads, shape)
+    first = _prepared(reference, reference_mask, interpolation, subset_px, "reference image")
+    second = _prepared(current, current_mask, interpolation, subset_px, "current image")
+    if first.shape != second.shape or first.grey.dtype != second.grey.dtype:
+        raise InputError(
+            f"images: the reference is {first.shape[1]} x {first.shape[0]} px of {first.grey.dtype}, the current image "
+            f"{second.shape[1]} x {second.shape[0]} px of {second.grey.dtype}; give two of one size and type"
+        )
+    if first.spline != second.spline:
+        raise InputError(f"images: one is prepared for {first.spline}, one for {second.spline} interpolation")
+    noise = _noise(noise_grey, first, second)
+    options = SolverOptions(
+        subset_px=subset_px,
+        shape=shape,
+        max_iterations=max_iterations,
+        tolerance_px=tolerance_px,
+        reach_px=max(8.0, subset_px / 2.0),
+        zncc_min=zncc_min,
+    )
+    matching = Matching(first, second, points, with_noise(options, *noise), search_px, threads)
+    matching.run(_checked_guess(guess_px, len(points), shape))
+    return _described(matching, noise)
+
+
+def _described(matching: Matching, noise: tuple[float, float]) -> Correlation:
+    """The result, NaN where points are not valid."""
+    solved = matching.solved
+    valid = solved.valid
+    half = solved.shape.shape[1] // 2
+    shape = np.where(valid[:, None], solved.shape, np.nan)
+    gain = solved.column("gain")
+    variance = np.maximum(noise[0] ** 2 + (noise[1] / gain) ** 2, solved.column("residual_variance"))
+    covariance = np.empty((len(shape), 2, 2))
+    covariance[:, 0, 0] = solved.column("var_u")
+    covariance[:, 0, 1] = covariance[:, 1, 0] = solved.column("cov_uv")
+    covariance[:, 1, 1] = solved.column("var_v")
+    covariance *= np.where(valid, variance, np.nan)[:, None, None]
+    refused = solved.status == Status.LOW_ZNCC
+    return Correlation(
+        displacement_px=shape[:, [0, half]],
+        sigma_px=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
+        covariance_px2=covariance,
+        gradient=shape[:, [1, 2, half + 1, half + 2]].reshape(-1, 2, 2),
+        shape=shape,
+        zncc=np.where(valid | refused, solved.column("zncc"), np.nan),
+        residual_grey=np.where(valid, np.sqrt(solved.column("residual_variance")), np.nan),
+        pixels=np.nan_to_num(solved.column("pixels")).astype(np.int64),
+        iterations=solved.iterations,
+        status=solved.status,
+        guess=matching.guess,
+        noise_grey=noise,
+    )
+
+
+def _prepared(
+    image: Image | PreparedImage, mask: BoolArray | None, interpolation: SplineName, subset_px: int, name: str
+) -> PreparedImage:
+    if not isinstance(image, PreparedImage):
+        return prepare(image, mask=mask, interpolation=interpolation, subset_px=subset_px, name=name)
+    if mask is not None:
+        raise InputError(f"{name}: it is prepared already; give its mask to prepare()")
+    if image.subset_px < subset_px:
+        raise InputError(f"{name}: prepared for subsets of up to {image.subset_px} px, not {subset_px}")
+    return image
+
+
+def _noise(given: float | tuple[float, float] | None, *images: PreparedImage) -> tuple[float, float]:
+    """Noise of both images, grey levels; 0 for an image that is too small or too uniform to tell."""
+    if given is None:
+        first, second = (_estimated(image) for image in images)
+    else:
+        first, second = (given, given) if isinstance(given, (int, float)) else given
+    if not all(math.isfinite(value) and value >= 0.0 for value in (first, second)):
+        raise InputError(f"noise_grey: {given} is no standard deviation; give grey levels of 0 or more")
+    return float(first), float(second)
+
+
+def _estimated(image: PreparedImage) -> float:
+    try:
+        return estimate_noise(image.grey, mask=None if image.mask is None else image.mask.view(bool)).sigma_grey
+    except InputError:
+        return 0.0
+
+
+def _checked_points(points_px: FloatArray) -> FloatArray:
+    points = np.asarray(points_px)
+    if points.size == 0:
+        return np.zeros((0, 2))
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "uif":
+        raise InputError(f"points_px: numbers of shape (N, 2) are needed, (column, row); not {points.shape}")
+    return np.ascontiguousarray(points, np.float64)
+
+
+def _checked_guess(guess_px: FloatArray | None, count: int, shape: ShapeName) -> FloatArray | None:
+    """Shape parameters ``(N, 6 or 12)`` of a guess in any of its forms."""
+    if guess_px is None:
+        return None
+    given = np.asarray(guess_px, np.float64)
+    if given.ndim != 2 or given.shape[0] != count or given.shape[1] not in (2, 6, 12):
+        raise InputError(f"guess_px: its shape is {given.shape}; ({count}, 2), ({count}, 6) or ({count}, 12) is needed")
+    whole = np.zeros((count, PARAMETERS[shape]))
+    kept = min(given.shape[1], whole.shape[1]) // 2
+    for side in range(2):
+        first, source = side * whole.shape[1] // 2, side * given.shape[1] // 2
+        whole[:, first : first + kept] = given[:, source : source + kept]
+    return whole
+
+
+def _check_settings(
+    subset_px: int,
+    search_px: int,
+    zncc_min: float,
+    tolerance_px: float,
+    max_iterations: int,
+    threads: int | None,
+    shape: str,
+) -> None:
+    if shape not in PARAMETERS:
+        raise InputError(f"shape: {shape!r} is no shape function; {' or '.join(PARAMETERS)} is needed")
+    for name, value in (("subset_px", subset_px), ("search_px", search_px)):
+        if not isinstance(value, (int, np.integer)) or value < 5 or value % 2 == 0:
+            raise InputError(f"{name}: is {value}, an odd number of pixels from 5 is needed")
+    if not -1.0 <= zncc_min < 1.0:
+        raise InputError(f"zncc_min: is {zncc_min}, a number from -1 to below 1 is needed")
+    if not 0.0 < tolerance_px < 1.0:
+        raise InputError(f"tolerance_px: is {tolerance_px}, a number above 0 and below 1 is needed")
+    if max_iterations < 1:
+        raise InputError(f"max_iterations: is {max_iterations}, at least 1 is needed")
+    if threads is not None and threads < 1:
+        raise InputError(f"threads: is {threads}, at least 1 is needed, or None for all cores")

@@ -1,0 +1,82 @@
+"""Initial guesses for large motion and rotation: matched features (Lowe 2004, SIFT)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy.spatial import KDTree
+
+from bscd.arrays import BoolArray, FloatArray
+from bscd.dic.guess.grey import eight_bit
+from bscd.dic.images import PreparedImage
+
+#: The strongest features that are looked for in each image.
+_FEATURES = 4000
+
+#: Lowe's ratio: a match counts when the second best is this much farther away.
+_RATIO = 0.8
+
+#: Matches about a point that a local affine map is fitted to, and how far one may be from its neighbours' map.
+_NEIGHBOURS = 12
+_CONSISTENT_PX = 6.0
+
+
+def guess_by_features(reference: PreparedImage, current: PreparedImage, points_px: FloatArray) -> FloatArray:
+    """Affine guesses ``(N, 6)`` at points ``(N, 2)`` from the nearest consistent matches; NaN without any."""
+    places, moved = _matches(reference, current)
+    for _ in range(2):  # the second pass with neighbourhoods that the first has cleaned
+        if len(places) < _NEIGHBOURS:
+            return np.full((len(points_px), 6), np.nan)
+        kept = _consistent(places, moved)
+        places, moved = places[kept], moved[kept]
+    if len(places) < _NEIGHBOURS:
+        return np.full((len(points_px), 6), np.nan)
+    return _local_affine(places, moved, points_px)
+
+
+def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArray, FloatArray]:
+    """Places ``(M, 2)`` of matched features and their displacements ``(M, 2)``, px."""
+    finder = cv2.SIFT.create(nfeatures=_FEATURES)
+    found = [
+        finder.detectAndCompute(grey, image.mask)
+        for grey, image in zip(eight_bit(reference, current), (reference, current), strict=True)
+    ]
+    none = np.empty((0, 2))
+    if any(descriptors is None or len(descriptors) < 2 for _, descriptors in found):
+        return none, none
+    (first, first_descriptors), (second, second_descriptors) = found
+    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first_descriptors, second_descriptors, k=2)
+    good = [best for best, next_best in pairs if best.distance < _RATIO * next_best.distance]
+    if not good:
+        return none, none
+    places = np.array([first[match.queryIdx].pt for match in good])
+    return places, np.array([second[match.trainIdx].pt for match in good]) - places
+
+
+def _consistent(places: FloatArray, moved: FloatArray) -> BoolArray:
+    """Matches that agree with the median of their neighbours' displacements, allowing for their slope."""
+    _, near = KDTree(places).query(places, k=_NEIGHBOURS + 1)
+    around = moved[near[:, 1:]]
+    middle = np.median(around, axis=1)
+    spread = np.median(np.abs(around - middle[:, None]), axis=1).max(axis=1)
+    off = np.abs(moved - middle).max(axis=1)
+    return off < np.maximum(_CONSISTENT_PX, 3.0 * np.minimum(spread, 5.0 * _CONSISTENT_PX))
+
+
+def _local_affine(places: FloatArray, moved: FloatArray, points_px: FloatArray) -> FloatArray:
+    """Least-squares affine maps of the nearest matches about each point, ``(N, 6)``; robust by one reweighting."""
+    _, near = KDTree(places).query(points_px, k=_NEIGHBOURS)
+    offset, around = places[near] - points_px[:, None], moved[near]
+    design = np.concatenate([np.ones((*near.shape, 1)), offset / 50.0], axis=2)
+    weight = np.ones(near.shape)
+    ridge = np.diag([1e-9, 1e-3, 1e-3])
+    fitted = np.zeros((len(points_px), 3, 2))
+    for _ in range(3):
+        weighted = np.swapaxes(design * weight[..., None], 1, 2)
+        fitted = np.linalg.solve(weighted @ design + ridge, weighted @ around)
+        off = np.linalg.norm(around - design @ fitted, axis=2)
+        weight = 1.0 / (1.0 + (off / np.maximum(np.median(off, axis=1, keepdims=True), 0.5)) ** 2)
+    slopes = fitted[:, 1:] / 50.0
+    return np.stack(
+        [fitted[:, 0, 0], slopes[:, 0, 0], slopes[:, 1, 0], fitted[:, 0, 1], slopes[:, 0, 1], slopes[:, 1, 1]], axis=1
+    )

@@ -1,0 +1,48 @@
+"""Initial guesses from matched neighbours: reliability-guided propagation (Pan 2009, Appl Opt 48:1535-1542)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from bscd.arrays import FloatArray, IntArray
+
+
+def seed_points(points_px: FloatArray, cell_px: float) -> IntArray:
+    """Indices of one point in each cell of a square grid: the one nearest to the cell's middle, lowest index first."""
+    cells = np.floor(points_px / cell_px).astype(np.int64)
+    off = np.abs(points_px / cell_px - cells - 0.5).max(axis=1)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    order = np.lexsort((np.arange(len(points_px)), off, cell.ravel()))
+    _, first = np.unique(cell.ravel()[order], return_index=True)
+    return np.sort(order[first])
+
+
+def nearest_known(
+    points_px: FloatArray, known_px: FloatArray, reliability: FloatArray, candidates: int = 1
+) -> tuple[IntArray, FloatArray]:
+    """For each point ``(N, 2)`` the index of the most reliable of its nearest known points ``(M, 2)``, M > 0, and how far.
+
+    ``reliability`` ``(M,)``: higher is better (ZNCC). Returns indices ``(N,)`` and distances ``(N,)`` px.
+    """
+    distance, index = KDTree(known_px).query(points_px, k=min(candidates, len(known_px)))
+    if index.ndim == 1:
+        return index, distance
+    best = np.argmax(reliability[index], axis=1)[:, None]
+    return np.take_along_axis(index, best, axis=1)[:, 0], np.take_along_axis(distance, best, axis=1)[:, 0]
+
+
+def extrapolate(shape: FloatArray, offset_px: FloatArray) -> FloatArray:
+    """Shape parameters ``(N, 6)`` or ``(N, 12)`` of points at an offset ``(N, 2)`` from those whose they are."""
+    moved = shape.copy()
+    dx, dy = offset_px[:, 0], offset_px[:, 1]
+    half = shape.shape[1] // 2
+    for first in (0, half):
+        a = shape[:, first : first + half].T
+        if half == 3:
+            moved[:, first] = a[0] + a[1] * dx + a[2] * dy
+        else:
+            moved[:, first] = a[0] + a[1] * dx + a[2] * dy + a[3] * dx * dx / 2 + a[4] * dx * dy + a[5] * dy * dy / 2
+            moved[:, first + 1] = a[1] + a[3] * dx + a[4] * dy
+            moved[:, first + 2] = a[2] + a[4] * dx + a[5] * dy
+    return moved

@@ -1,0 +1,234 @@
+"""The order in which points get their initial guesses, and what is done with those that fail."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.dic.correlation import GuessSource, Status
+from bscd.dic.guess import (
+    extrapolate,
+    guess_by_features,
+    guess_by_flow,
+    guess_by_search,
+    nearest_known,
+    seed_points,
+)
+from bscd.dic.images import PreparedImage
+from bscd.dic.library import FOUND_COLUMNS
+from bscd.dic.solver import PARAMETERS, Solved, SolverOptions, solve
+
+#: A point that ended up this far from what its neighbour let expect is looked at again.
+_SURPRISE_PX = 0.5
+
+#: How far from its points a match's displacement and gradients are taken on, in subsets.
+_REACH_SUBSETS = 4.0
+
+_ROUNDS = 200
+_NEIGHBOURS = 4
+
+#: Features are looked for when more points than this lack a match; so many points at most are searched for.
+_FEW = 20
+_SEARCHES = 3000
+
+#: No other guess can help these.
+_FINAL = (Status.VALID, Status.LOW_TEXTURE)
+
+
+class Matching:
+    """One correlation under way: the results so far and where each guess came from."""
+
+    def __init__(
+        self,
+        reference: PreparedImage,
+        current: PreparedImage,
+        points_px: FloatArray,
+        options: SolverOptions,
+        search_px: int,
+        threads: int | None,
+    ) -> None:
+        count = len(points_px)
+        self._images = (reference, current)
+        self._points = points_px
+        self._options = options
+        self._search_px = search_px
+        self._threads = threads
+        self._parameters = PARAMETERS[options.shape]
+        self.solved = Solved(
+            np.full((count, self._parameters), np.nan),
+            np.full((count, len(FOUND_COLUMNS)), np.nan),
+            np.full(count, Status.NO_GUESS, np.int32),
+            np.zeros(count, np.int32),
+        )
+        self.guess = np.full(count, GuessSource.NONE, np.int8)
+        self._hopeless = ~self._on_reference()
+        self.solved.status[self._hopeless] = Status.OUTSIDE
+
+    def run(self, given: FloatArray | None) -> None:
+        """Try the guesses in the order of their cost, each only for the points that are still without a match."""
+        if not len(self._points):
+            return
+        if given is not None:
+            self._attempt(np.flatnonzero(np.isfinite(given).all(axis=1)), given, GuessSource.GIVEN)
+            self._propagate()
+        if self._open().any():
+            self._attempt_with(guess_by_flow(*self._images, self._points), GuessSource.FLOW)
+        if np.count_nonzero(self._open()) > _FEW:
+            self._attempt_with(guess_by_features(*self._images, self._points), GuessSource.FEATURES)
+        if self._open().any():
+            self._search()
+        self._settle()
+
+    def _attempt_with(self, guesses: FloatArray, source: GuessSource) -> None:
+        """Try guesses ``(N, 6)`` at seeds, and what they find at their neighbours; then wherever that did not reach."""
+        wide = self._widened(guesses)
+        index = np.flatnonzero(self._open())
+        self._attempt(index[seed_points(self._points[index], self._options.subset_px)], wide, source)
+        self._check_seeds()
+        self._propagate()
+        self._attempt(np.flatnonzero(self._open()), wide, source)
+        self._propagate()
+
+    def _attempt(self, index: IntArray, guesses: FloatArray, source: GuessSource) -> None:
+        """Solve some points from their rows of ``guesses`` ``(N, P)`` and keep what is better than before."""
+        index = index[~self._hopeless[index] & np.isfinite(guesses[index]).all(axis=1)]
+        if len(index):
+            self._keep(index, self._solve(index, guesses[index]), source)
+
+    def _solve(self, index: IntArray, guesses: FloatArray) -> Solved:
+        return solve(*self._images, self._points[index], guesses, self._options, threads=self._threads)
+
+    def _keep(self, index: IntArray, tried: Solved, source: GuessSource) -> None:
+        before, now = self.solved.column("zncc")[index], tried.column("zncc")
+        was, is_ = self.solved.valid[index], tried.valid
+        better = np.where(was, is_ & (now > before + 1e-6), True)
+        kept = index[better]
+        self.solved.shape[kept], self.solved.found[kept] = tried.shape[better], tried.found[better]
+        self.solved.status[kept], self.solved.iterations[kept] = tried.status[better], tried.iterations[better]
+        self.guess[kept] = source
+
+    def _propagate(self) -> None:
+        """From matched points to their neighbours, wave after wave, the most reliable neighbour first."""
+        tried = np.full(len(self._points), -1, np.int64)
+        reach = _REACH_SUBSETS * self._options.subset_px
+        for _ in range(_ROUNDS):
+            waiting, known = np.flatnonzero(self._open()), np.flatnonzero(self.solved.valid)
+            if not len(waiting) or not len(known):
+                return
+            first = len(waiting) > len(self._points) // 2
+            best, distance = nearest_known(
+                self._points[waiting],
+                self._points[known],
+                self.solved.column("zncc")[known],
+                1 if first else _NEIGHBOURS,
+            )
+            new = (tried[waiting] != known[best]) & (distance < reach)
+            waiting, source = waiting[new], known[best[new]]
+            if not len(waiting):
+                return
+            tried[waiting] = source
+            self._from_neighbours(waiting, source)
+
+    def _from_neighbours(self, index: IntArray, source: IntArray) -> None:
+        guesses = extrapolate(self.solved.shape[source], self._points[index] - self._points[source])
+        tried = self._solve(index, guesses)
+        half = self._parameters // 2
+        moved = np.hypot(tried.shape[:, 0] - guesses[:, 0], tried.shape[:, half] - guesses[:, half])
+        self._surprising[index[tried.valid & (moved > _SURPRISE_PX)]] = True
+        self._keep(index, tried, GuessSource.PROPAGATED)
+
+    @property
+    def _surprising(self) -> BoolArray:
+        if not hasattr(self, "_surprises"):
+            self._surprises = np.zeros(len(self._points), bool)
+        return self._surprises
+
+    def _check_seeds(self) -> None:
+        """Seeds that contradict their neighbours are tried again from these, and the better match stays."""
+        self._challenge(np.flatnonzero(self.solved.valid))
+
+    def _settle(self) -> None:
+        """What surprised is challenged once more, now that its neighbours are known."""
+        surprising = np.flatnonzero(self._surprising & self.solved.valid)
+        if len(surprising):
+            self._challenge(surprising)
+
+    def _challenge(self, index: IntArray) -> None:
+        """Compare points with what the median of their neighbours lets expect; where it differs the better match stays.
+
+        A point that no neighbour confirms and that is much less similar than they are is refused.
+        """
+        known = np.flatnonzero(self.solved.valid)
+        if len(known) <= _NEIGHBOURS or not len(index):
+            return
+        expected, similar = self._expected(index, known)
+        half = self._parameters // 2
+        off = np.hypot(*(self.solved.shape[index][:, [0, half]] - expected[:, [0, half]]).T)
+        contradicted = off > _SURPRISE_PX
+        index, expected, similar = index[contradicted], expected[contradicted], similar[contradicted]
+        if not len(index):
+            return
+        self._keep(index, self._solve(index, expected), GuessSource.PROPAGATED)
+        off = np.hypot(*(self.solved.shape[index][:, [0, half]] - expected[:, [0, half]]).T)
+        doubtful = (off > 2.0) & (self.solved.column("zncc")[index] < similar - 0.2)
+        self.solved.status[index[doubtful]] = Status.LOW_ZNCC
+
+    def _expected(self, index: IntArray, known: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Median over the nearest known points of the shape ``(n, P)`` they let expect at points, and of their ZNCC."""
+        from scipy.spatial import KDTree
+
+        _, near = KDTree(self._points[known]).query(self._points[index], k=_NEIGHBOURS + 1)
+        source = known[near]
+        others = source != index[:, None]
+        offsets = self._points[index][:, None] - self._points[source]
+        shapes = extrapolate(
+            self.solved.shape[source].reshape(-1, self._parameters), offsets.reshape(-1, 2)
+        ).reshape(*source.shape, -1)
+        shapes[~others] = np.nan
+        return np.nanmedian(shapes, axis=1), np.median(self.solved.column("zncc")[source], axis=1)
+
+    def _search(self) -> None:
+        """Search windows about the nearest match, or about no displacement, at the points that are left."""
+        index = np.flatnonzero(self._open())
+        seeds = seed_points(self._points[index], self._options.subset_px)
+        index = index[seeds[:: max(1, len(seeds) // _SEARCHES)]] if len(index) > _SEARCHES else index
+        about = np.zeros((len(index), 2))
+        known = np.flatnonzero(self.solved.valid)
+        if len(known):
+            best, _ = nearest_known(self._points[index], self._points[known], self.solved.column("zncc")[known])
+            source = known[best]
+            moved = extrapolate(self.solved.shape[source], self._points[index] - self._points[source])
+            about = moved[:, [0, self._parameters // 2]]
+        found = guess_by_search(
+            *self._images, self._points[index], about, self._options.subset_px, self._search_px
+        )
+        guesses = np.full((len(self._points), self._parameters), np.nan)
+        guesses[index] = self._widened(found)
+        self._attempt(index, guesses, GuessSource.SEARCH)
+        self._propagate()
+
+    def _open(self) -> BoolArray:
+        """Points without a match that another guess might still give one."""
+        settled = np.isin(self.solved.status, _FINAL) | self._hopeless
+        left = (self.solved.status == Status.OUTSIDE) & (self.guess == GuessSource.PROPAGATED)
+        return ~settled & ~left
+
+    def _widened(self, affine: FloatArray) -> FloatArray:
+        """Affine guesses ``(N, 6)`` as parameters of the shape function."""
+        if self._parameters == affine.shape[1]:
+            return affine
+        whole = np.zeros((len(affine), self._parameters))
+        half = self._parameters // 2
+        whole[:, :3], whole[:, half : half + 3] = affine[:, :3], affine[:, 3:]
+        return whole
+
+    def _on_reference(self) -> BoolArray:
+        """Points ``(N,)`` that lie on the reference image and on no masked pixel."""
+        height, width = self._images[0].shape
+        column, row = self._points.T
+        on = (column >= 0) & (row >= 0) & (column <= width - 1) & (row <= height - 1)
+        mask = self._images[0].mask
+        if mask is not None:
+            nearest = np.floor(self._points[on] + 0.5).astype(np.int64)
+            on[on] = mask[nearest[:, 1], nearest[:, 0]] != 0
+        return on

@@ -1,0 +1,98 @@
+"""B-spline interpolation of images: the prefilter that turns grey levels into coefficients, as a FIR filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, cast
+
+import cv2
+import numpy as np
+
+from bscd.arrays import FloatArray
+from bscd.dic.noise import Image
+
+SplineName = Literal["quintic", "cubic"]
+
+_INTEGER_WEIGHTS = {"quintic": (66 / 120, 26 / 120, 1 / 120), "cubic": (4 / 6, 1 / 6)}
+_FIR_TAPS = {"quintic": 33, "cubic": 21}
+_TAPS = {"quintic": 6, "cubic": 4}
+
+
+def taps(spline: SplineName) -> int:
+    """How many coefficients a value depends on, along one axis."""
+    return _TAPS[spline]
+
+
+def _response(spline: SplineName, omega: FloatArray) -> FloatArray:
+    """Frequency response of the B-spline sampled at the integers."""
+    weights = _INTEGER_WEIGHTS[spline]
+    return weights[0] + 2.0 * sum(w * np.cos((k + 1) * omega) for k, w in enumerate(weights[1:]))
+
+
+@cache
+def prefilter(spline: SplineName) -> FloatArray:
+    """The inverse of the sampled B-spline, cut to 33 (quintic) or 21 (cubic) taps; float32, sums to one.
+
+    Unser, Aldroubi, Eden 1993 (IEEE Trans Signal Process 41:834-848) give it as a recursive filter; its impulse
+    response falls by 0.43 (0.27) a pixel, so what is cut off is below 1e-5 of a grey level's range.
+    """
+    omega = 2.0 * np.pi * np.arange(1024) / 1024
+    impulse = np.fft.ifft(1.0 / _response(spline, omega)).real
+    half = _FIR_TAPS[spline] // 2
+    kernel = np.concatenate([impulse[-half:], impulse[: half + 1]])
+    return (kernel / kernel.sum()).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class NoiseEnergy:
+    """Share of white noise's variance that passes the spline at a fraction t of a pixel: a + b cos(2 pi t).
+
+    ``value`` for interpolated values, ``derivative`` for their derivatives along the same axis (1/px^2); each
+    (a, b). Along two axes the shares multiply.
+    """
+
+    value: tuple[float, float]
+    derivative: tuple[float, float]
+
+
+@cache
+def noise_energy(spline: SplineName) -> NoiseEnergy:
+    """The noise that values and derivatives of the interpolating spline carry on, by Parseval's theorem."""
+    omega = 2.0 * np.pi * np.arange(4096) / 4096
+    order = {"quintic": 5, "cubic": 3}[spline]
+
+    def energy(derivative: int, fraction: float) -> float:
+        signed = np.arange(-order - 1, order + 2)
+        weights = np.array([_basis(order, derivative, fraction - k) for k in signed])
+        transfer = np.exp(-1j * np.outer(omega, signed)) @ weights / _response(spline, omega)
+        return float(np.mean(np.abs(transfer) ** 2))
+
+    def wave(derivative: int) -> tuple[float, float]:
+        on, between = energy(derivative, 0.0), energy(derivative, 0.5)
+        return (on + between) / 2.0, (on - between) / 2.0
+
+    return NoiseEnergy(wave(0), wave(1))
+
+
+def _basis(order: int, derivative: int, x: float) -> float:
+    """The centred B-spline or its derivative (de Boor's recursion)."""
+    if derivative:
+        return _basis(order - 1, derivative - 1, x + 0.5) - _basis(order - 1, derivative - 1, x - 0.5)
+    if order == 0:
+        return 1.0 if -0.5 <= x < 0.5 else 0.0
+    half = (order + 1) / 2.0
+    return ((half + x) * _basis(order - 1, 0, x + 0.5) + (half - x) * _basis(order - 1, 0, x - 0.5)) / order
+
+
+def spline_coefficients(image: Image, spline: SplineName, pad_px: int) -> FloatArray:
+    """Coefficients ``(H + 2 pad, W + 2 pad)`` float32 of the spline through an image ``(H, W)``.
+
+    Beyond its border the image counts as mirrored about the border pixels, without repeating them.
+    """
+    kernel = prefilter(spline)
+    inner = cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
+    if pad_px < min(image.shape):
+        padded = cv2.copyMakeBorder(inner, pad_px, pad_px, pad_px, pad_px, cv2.BORDER_REFLECT_101)
+        return cast(FloatArray, padded)
+    return np.pad(inner, pad_px, mode="reflect")
