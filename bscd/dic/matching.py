@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.dic.correlation import GuessSource, Status
 from bscd.dic.guess import (
+    DenseFlow,
+    FeatureMatches,
     extrapolate,
-    guess_by_features,
-    guess_by_flow,
     guess_by_search,
     nearest_known,
     seed_points,
@@ -61,6 +62,7 @@ class Matching:
             np.zeros(count, np.int32),
         )
         self.guess = np.full(count, GuessSource.NONE, np.int8)
+        self._surprising = np.zeros(count, bool)
         self._hopeless = ~self._on_reference()
         self.solved.status[self._hopeless] = Status.OUTSIDE
 
@@ -69,31 +71,33 @@ class Matching:
         if not len(self._points):
             return
         if given is not None:
-            self._attempt(np.flatnonzero(np.isfinite(given).all(axis=1)), given, GuessSource.GIVEN)
+            self._attempt(np.arange(len(given)), given, GuessSource.GIVEN)
             self._propagate()
         if self._open().any():
-            self._attempt_with(guess_by_flow(*self._images, self._points), GuessSource.FLOW)
+            self._attempt_with(DenseFlow(*self._images), GuessSource.FLOW)
         if np.count_nonzero(self._open()) > _FEW:
-            self._attempt_with(guess_by_features(*self._images, self._points), GuessSource.FEATURES)
+            self._attempt_with(FeatureMatches(*self._images), GuessSource.FEATURES)
         if self._open().any():
             self._search()
         self._settle()
 
-    def _attempt_with(self, guesses: FloatArray, source: GuessSource) -> None:
-        """Try guesses ``(N, 6)`` at seeds, and what they find at their neighbours; then wherever that did not reach."""
-        wide = self._widened(guesses)
+    def _attempt_with(self, finder: DenseFlow | FeatureMatches, source: GuessSource) -> None:
+        """Try what a finder says at seeds, and what they find at their neighbours; then wherever that did not reach."""
         index = np.flatnonzero(self._open())
-        self._attempt(index[seed_points(self._points[index], self._options.subset_px)], wide, source)
-        self._check_seeds()
+        seeds = index[seed_points(self._points[index], self._options.subset_px)]
+        self._attempt(seeds, self._widened(finder.at(self._points[seeds])), source)
+        self._challenge(np.flatnonzero(self.solved.valid))
         self._propagate()
-        self._attempt(np.flatnonzero(self._open()), wide, source)
-        self._propagate()
+        left = np.flatnonzero(self._open())
+        if len(left):
+            self._attempt(left, self._widened(finder.at(self._points[left])), source)
+            self._propagate()
 
     def _attempt(self, index: IntArray, guesses: FloatArray, source: GuessSource) -> None:
-        """Solve some points from their rows of ``guesses`` ``(N, P)`` and keep what is better than before."""
-        index = index[~self._hopeless[index] & np.isfinite(guesses[index]).all(axis=1)]
-        if len(index):
-            self._keep(index, self._solve(index, guesses[index]), source)
+        """Solve points ``(n,)`` from their guesses ``(n, P)`` and keep what is better than before."""
+        usable = ~self._hopeless[index] & np.isfinite(guesses).all(axis=1)
+        if usable.any():
+            self._keep(index[usable], self._solve(index[usable], guesses[usable]), source)
 
     def _solve(self, index: IntArray, guesses: FloatArray) -> Solved:
         return solve(*self._images, self._points[index], guesses, self._options, threads=self._threads)
@@ -137,16 +141,6 @@ class Matching:
         self._surprising[index[tried.valid & (moved > _SURPRISE_PX)]] = True
         self._keep(index, tried, GuessSource.PROPAGATED)
 
-    @property
-    def _surprising(self) -> BoolArray:
-        if not hasattr(self, "_surprises"):
-            self._surprises = np.zeros(len(self._points), bool)
-        return self._surprises
-
-    def _check_seeds(self) -> None:
-        """Seeds that contradict their neighbours are tried again from these, and the better match stays."""
-        self._challenge(np.flatnonzero(self.solved.valid))
-
     def _settle(self) -> None:
         """What surprised is challenged once more, now that its neighbours are known."""
         surprising = np.flatnonzero(self._surprising & self.solved.valid)
@@ -175,15 +169,13 @@ class Matching:
 
     def _expected(self, index: IntArray, known: IntArray) -> tuple[FloatArray, FloatArray]:
         """Median over the nearest known points of the shape ``(n, P)`` they let expect at points, and of their ZNCC."""
-        from scipy.spatial import KDTree
-
         _, near = KDTree(self._points[known]).query(self._points[index], k=_NEIGHBOURS + 1)
         source = known[near]
         others = source != index[:, None]
         offsets = self._points[index][:, None] - self._points[source]
-        shapes = extrapolate(
-            self.solved.shape[source].reshape(-1, self._parameters), offsets.reshape(-1, 2)
-        ).reshape(*source.shape, -1)
+        shapes = extrapolate(self.solved.shape[source].reshape(-1, self._parameters), offsets.reshape(-1, 2)).reshape(
+            *source.shape, -1
+        )
         shapes[~others] = np.nan
         return np.nanmedian(shapes, axis=1), np.median(self.solved.column("zncc")[source], axis=1)
 
@@ -199,12 +191,8 @@ class Matching:
             source = known[best]
             moved = extrapolate(self.solved.shape[source], self._points[index] - self._points[source])
             about = moved[:, [0, self._parameters // 2]]
-        found = guess_by_search(
-            *self._images, self._points[index], about, self._options.subset_px, self._search_px
-        )
-        guesses = np.full((len(self._points), self._parameters), np.nan)
-        guesses[index] = self._widened(found)
-        self._attempt(index, guesses, GuessSource.SEARCH)
+        found = guess_by_search(*self._images, self._points[index], about, self._options.subset_px, self._search_px)
+        self._attempt(index, self._widened(found), GuessSource.SEARCH)
         self._propagate()
 
     def _open(self) -> BoolArray:

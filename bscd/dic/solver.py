@@ -32,8 +32,8 @@ class SolverOptions:
 
     ``subset_px`` is odd. A point converges when the last step moved its subset by less than ``tolerance_px`` (norm of
     the displacement at the subset's edge) and diverges when it leaves its guess by more than ``reach_px``. A subset
-    counts with at least ``least_share`` of its pixels. ``noise_grey`` is the reference's noise. ``sigma_max_px`` bounds the
-    displacement's sigma that the noise (of both images together, ``noise_both_grey``) lets expect.
+    counts with at least ``least_share`` of its pixels. ``noise_grey`` is the reference's noise. ``sigma_max_px`` bounds
+    the displacement's sigma that the noise (of both images together, ``noise_both_grey``) lets expect.
     """
 
     subset_px: int = 21
@@ -50,8 +50,9 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Solved:
-    """The kernel's own answer for N points: ``shape`` ``(N, P)``, ``found`` ``(N, 8)`` (`FOUND_COLUMNS`), ``status``
-    and ``iterations`` ``(N,)`` int32.
+    """The kernel's own answer for N points.
+
+    ``shape`` ``(N, P)``, ``found`` ``(N, 8)`` (`FOUND_COLUMNS`), ``status`` and ``iterations`` ``(N,)`` int32.
     """
 
     shape: FloatArray

@@ -95,4 +95,4 @@ def spline_coefficients(image: Image, spline: SplineName, pad_px: int) -> FloatA
     if pad_px < min(image.shape):
         padded = cv2.copyMakeBorder(inner, pad_px, pad_px, pad_px, pad_px, cv2.BORDER_REFLECT_101)
         return cast(FloatArray, padded)
-    return np.pad(inner, pad_px, mode="reflect")
+    return np.pad(cast(FloatArray, inner), pad_px, mode="reflect")

@@ -21,17 +21,21 @@ _NEIGHBOURS = 12
 _CONSISTENT_PX = 6.0
 
 
-def guess_by_features(reference: PreparedImage, current: PreparedImage, points_px: FloatArray) -> FloatArray:
-    """Affine guesses ``(N, 6)`` at points ``(N, 2)`` from the nearest consistent matches; NaN without any."""
-    places, moved = _matches(reference, current)
-    for _ in range(2):  # the second pass with neighbourhoods that the first has cleaned
-        if len(places) < _NEIGHBOURS:
+class FeatureMatches:
+    """Consistent matches of features between a reference and a current image."""
+
+    def __init__(self, reference: PreparedImage, current: PreparedImage) -> None:
+        self._places, self._moved = _matches(reference, current)
+        for _ in range(2):  # the second pass with neighbourhoods that the first has cleaned
+            if len(self._places) > _NEIGHBOURS:
+                kept = _consistent(self._places, self._moved)
+                self._places, self._moved = self._places[kept], self._moved[kept]
+
+    def at(self, points_px: FloatArray) -> FloatArray:
+        """Affine guesses ``(N, 6)`` at points ``(N, 2)`` from the nearest matches; NaN when there are too few."""
+        if len(self._places) <= _NEIGHBOURS:
             return np.full((len(points_px), 6), np.nan)
-        kept = _consistent(places, moved)
-        places, moved = places[kept], moved[kept]
-    if len(places) < _NEIGHBOURS:
-        return np.full((len(points_px), 6), np.nan)
-    return _local_affine(places, moved, points_px)
+        return _local_affine(self._places, self._moved, points_px)
 
 
 def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArray, FloatArray]:

@@ -10,18 +10,20 @@ from bscd.arrays import FloatArray, IntArray
 
 def seed_points(points_px: FloatArray, cell_px: float) -> IntArray:
     """Indices of one point in each cell of a square grid: the one nearest to the cell's middle, lowest index first."""
-    cells = np.floor(points_px / cell_px).astype(np.int64)
+    if not len(points_px):
+        return np.zeros(0, np.int64)
+    cells = np.floor(points_px / cell_px)
     off = np.abs(points_px / cell_px - cells - 0.5).max(axis=1)
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
-    order = np.lexsort((np.arange(len(points_px)), off, cell.ravel()))
-    _, first = np.unique(cell.ravel()[order], return_index=True)
-    return np.sort(order[first])
+    column, row = (cells - cells.min(axis=0)).astype(np.int64).T
+    cell = row * (column.max() + 1) + column
+    order = np.lexsort((off, cell))
+    return np.sort(order[np.flatnonzero(np.diff(cell[order], prepend=-1))])
 
 
 def nearest_known(
     points_px: FloatArray, known_px: FloatArray, reliability: FloatArray, candidates: int = 1
 ) -> tuple[IntArray, FloatArray]:
-    """For each point ``(N, 2)`` the index of the most reliable of its nearest known points ``(M, 2)``, M > 0, and how far.
+    """For each point ``(N, 2)`` the most reliable of its nearest known points ``(M, 2)``, M > 0, and how far it is.
 
     ``reliability`` ``(M,)``: higher is better (ZNCC). Returns indices ``(N,)`` and distances ``(N,)`` px.
     """
