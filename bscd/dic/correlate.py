@@ -140,7 +140,7 @@ def _prepared(
 
 
 def _noise(given: float | tuple[float, float] | None, *images: PreparedImage) -> tuple[float, float]:
-    """Noise of both images, grey levels; 0 for an image that is too small or too uniform to tell."""
+    """Noise of both images, grey levels; an image that is too small or too uniform to tell has that of rounding."""
     if given is None:
         first, second = (_estimated(image) for image in images)
     else:
@@ -151,10 +151,12 @@ def _noise(given: float | tuple[float, float] | None, *images: PreparedImage) ->
 
 
 def _estimated(image: PreparedImage) -> float:
+    rounding = 0.0 if image.grey.dtype.kind == "f" else math.sqrt(1.0 / 12.0)
     try:
-        return estimate_noise(image.grey, mask=None if image.mask is None else image.mask.view(bool)).sigma_grey
+        found = estimate_noise(image.grey, mask=None if image.mask is None else image.mask.view(bool))
     except InputError:
-        return 0.0
+        return rounding
+    return max(found.sigma_grey, rounding)
 
 
 def _checked_points(points_px: FloatArray) -> FloatArray:

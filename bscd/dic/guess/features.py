@@ -41,20 +41,19 @@ class FeatureMatches:
 def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArray, FloatArray]:
     """Places ``(M, 2)`` of matched features and their displacements ``(M, 2)``, px."""
     finder = cv2.SIFT.create(nfeatures=_FEATURES)
-    found = [
-        finder.detectAndCompute(grey, image.mask)
-        for grey, image in zip(eight_bit(reference, current), (reference, current), strict=True)
-    ]
-    none = np.empty((0, 2))
-    if any(descriptors is None or len(descriptors) < 2 for _, descriptors in found):
-        return none, none
-    (first, first_descriptors), (second, second_descriptors) = found
-    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first_descriptors, second_descriptors, k=2)
-    good = [best for best, next_best in pairs if best.distance < _RATIO * next_best.distance]
-    if not good:
-        return none, none
-    places = np.array([first[match.queryIdx].pt for match in good])
-    return places, np.array([second[match.trainIdx].pt for match in good]) - places
+    places: list[FloatArray] = []
+    descriptors = []
+    for grey, image in zip(eight_bit(reference, current), (reference, current), strict=True):
+        keypoints, described = finder.detectAndCompute(grey, image.mask)
+        if described is None or len(described) < 2:
+            return np.empty((0, 2)), np.empty((0, 2))
+        places.append(np.array([keypoint.pt for keypoint in keypoints]))
+        descriptors.append(described)
+    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(descriptors[0], descriptors[1], k=2)
+    good = [(best.queryIdx, best.trainIdx) for best, other in pairs if best.distance < _RATIO * other.distance]
+    matched = np.array(good, np.int64).reshape(-1, 2)
+    start = places[0][matched[:, 0]]
+    return start, places[1][matched[:, 1]] - start
 
 
 def _consistent(places: FloatArray, moved: FloatArray) -> BoolArray:
