@@ -86,11 +86,10 @@ def fit_sphere(
         raise InputError(f"a {kind}sphere fit needs at least {least} points; {np.count_nonzero(known)} are known")
     points = xyz_mm[known]
     _spread_or_refuse(points)
-    free = fit_round(points, robust=robust, rng=rng)
     radial = None
     if sigma_mm is not None:
-        radial = _radial(sigma[known], points, free)
-        free = fit_round(points, sigma=radial, robust=robust, rng=rng)
+        radial = sigma[known, 0] if sigma.shape[1] == 1 else _radial(sigma[known], points, robust, rng)
+    free = fit_round(points, sigma=radial, robust=robust, rng=rng)
     _curved_or_refuse(free)
     fit = free
     if radius_mm is not None:
@@ -125,11 +124,10 @@ def _sigma(sigma_mm: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
     return sigma.reshape(shape[0], -1)
 
 
-def _radial(sigma: FloatArray, points: FloatArray, fit: RoundFit) -> FloatArray:
-    """Sigmas ``(N,)`` along the normals of a first fit."""
-    if sigma.shape[1] == 1:
-        return sigma[:, 0]
-    normal = fit.surface.normal - fit.surface.curvature * (fit.surface.anchor - points)
+def _radial(sigma: FloatArray, points: FloatArray, robust: bool, rng: np.random.Generator | None) -> FloatArray:
+    """Sigmas ``(N,)`` along the normals of a first fit, from those along x, y, z ``(N, 3)``."""
+    surface = fit_round(points, robust=robust, rng=rng).surface
+    normal = surface.normal + surface.curvature * (points - surface.anchor)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return np.sqrt(np.sum((normal * sigma) ** 2, axis=1))
 
