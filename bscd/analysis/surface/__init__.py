@@ -2,5 +2,19 @@
 
 from bscd.analysis.surface.frame import MembraneFrame
 from bscd.analysis.surface.sphere import SphereFit, fit_sphere, radial_deviation
+from bscd.analysis.surface.strain import surface_strain
+from bscd.analysis.surface.strain_gauge import StrainGauge, SurfaceStrain
+from bscd.analysis.surface.strain_settings import StrainSettings, StrainStatus, StrainWindow
 
-__all__ = ["MembraneFrame", "SphereFit", "fit_sphere", "radial_deviation"]
+__all__ = [
+    "MembraneFrame",
+    "SphereFit",
+    "StrainGauge",
+    "StrainSettings",
+    "StrainStatus",
+    "StrainWindow",
+    "SurfaceStrain",
+    "fit_sphere",
+    "radial_deviation",
+    "surface_strain",
+]

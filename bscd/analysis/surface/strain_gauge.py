@@ -158,8 +158,8 @@ class StrainGauge:
     def _unit_noise(self, fits: list[LocalFits]) -> FloatArray:
         """Covariance ``(K, 4, 4)`` of the derivatives for unit noise.
 
-        Where neighbours are missing, the complete window's, scaled with the sums of squared weights: exact for noise of
-        its own in each point, an upper estimate for shared noise (a tenth too much where a fifth of the points is lost).
+        Where neighbours are missing, the complete window's, scaled with the sums of squared weights: exact for noise
+        that points do not share, and an upper estimate where they do (by a tenth when a fifth of the points is lost).
         """
         if self._noise is None:
             self._noise = self._near.noise(self._complete, self.window.subset_px if self._settings.correlated else 0.0)
