@@ -1,6 +1,7 @@
 """Measured surfaces: the sphere fit, the membrane's frame, strain, and noise floors; pure functions of arrays."""
 
 from bscd.analysis.surface.frame import MembraneFrame
+from bscd.analysis.surface.noise_floor import NoiseFloor, noise_floor
 from bscd.analysis.surface.sphere import SphereFit, fit_sphere, radial_deviation
 from bscd.analysis.surface.strain import surface_strain
 from bscd.analysis.surface.strain_gauge import StrainGauge, SurfaceStrain
@@ -8,6 +9,7 @@ from bscd.analysis.surface.strain_settings import StrainSettings, StrainStatus, 
 
 __all__ = [
     "MembraneFrame",
+    "NoiseFloor",
     "SphereFit",
     "StrainGauge",
     "StrainSettings",
@@ -15,6 +17,7 @@ __all__ = [
     "StrainWindow",
     "SurfaceStrain",
     "fit_sphere",
+    "noise_floor",
     "radial_deviation",
     "surface_strain",
 ]
