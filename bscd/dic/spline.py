@@ -49,7 +49,8 @@ class NoiseEnergy:
     """Share of white noise's variance that passes the spline at a fraction t of a pixel: a + b cos(2 pi t).
 
     ``value`` for interpolated values, ``derivative`` for their derivatives along the same axis (1/px^2); each
-    (a, b). Along two axes the shares multiply.
+    (a, b). Along two axes the shares multiply. Exact at whole and half pixels; between, the cosine is within 1 %,
+    that of the cubic's derivatives within 6 %.
     """
 
     value: tuple[float, float]
