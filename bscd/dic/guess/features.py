@@ -50,7 +50,7 @@ def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArr
         places.append(np.array([keypoint.pt for keypoint in keypoints]))
         descriptors.append(described)
     pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(descriptors[0], descriptors[1], k=2)
-    good = [(best.queryIdx, best.trainIdx) for best, other in pairs if best.distance < _RATIO * other.distance]
+    good = [(p[0].queryIdx, p[0].trainIdx) for p in pairs if p[0].distance < _RATIO * p[1].distance]
     matched = np.array(good, np.int64).reshape(-1, 2)
     start = places[0][matched[:, 0]]
     return start, places[1][matched[:, 1]] - start
@@ -59,7 +59,7 @@ def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArr
 def _consistent(places: FloatArray, moved: FloatArray) -> BoolArray:
     """Matches that agree with the median of their neighbours' displacements, allowing for their slope."""
     _, near = KDTree(places).query(places, k=_NEIGHBOURS + 1)
-    around = moved[near[:, 1:]]
+    around = moved[np.asarray(near)[:, 1:]]
     middle = np.median(around, axis=1)
     spread = np.median(np.abs(around - middle[:, None]), axis=1).max(axis=1)
     off = np.abs(moved - middle).max(axis=1)
