@@ -38,6 +38,10 @@ class DistortionMap(Protocol):
         """Covariance ``(N, 4, 4)`` px^2 of the shifts; grows away from the control points."""
         ...
 
+    def difference_covariance_px2(self, points_mm: FloatArray, others_mm: FloatArray) -> FloatArray:
+        """Covariance ``(N, 4, 4)`` px^2 of the difference between the shifts at two positions."""
+        ...
+
 
 @dataclass(frozen=True)
 class SmoothMap:
@@ -61,15 +65,25 @@ class SmoothMap:
     def covariance_px2(self, points_mm: FloatArray) -> FloatArray:
         """Covariance of the fitted values, ``(N, 4, 4)`` px^2."""
         terms = _terms(points_mm, self.degree, self.centre_mm, self.half_width_mm)
-        leverage = np.einsum("ni,ij,nj->n", terms, self.normal_inverse, terms)
+        return self._covariance(terms)
+
+    def difference_covariance_px2(self, points_mm: FloatArray, others_mm: FloatArray) -> FloatArray:
+        """Covariance ``(N, 4, 4)`` px^2 of the difference between the shifts at two positions each ``(N, 3)`` mm."""
+        terms = [_terms(at, self.degree, self.centre_mm, self.half_width_mm) for at in (points_mm, others_mm)]
+        return self._covariance(terms[0] - terms[1])
+
+    def _covariance(self, terms: FloatArray) -> FloatArray:
+        leverage = np.einsum("ni,ni->n", terms @ self.normal_inverse, terms)
         return leverage[:, None, None] * self.residual_covariance_px2
 
 
 def _terms(points_mm: FloatArray, degree: int, centre_mm: FloatArray, half_width_mm: FloatArray) -> FloatArray:
     """Every product of powers, ``(N, T)``, of positions scaled to -1..1."""
     scaled = (points_mm - centre_mm) / half_width_mm
-    powers = scaled[:, :, None] ** np.arange(degree + 1)
-    return np.stack([powers[:, 0, a] * powers[:, 1, b] * powers[:, 2, c] for a, b, c in _exponents(degree)], axis=1)
+    powers = [np.ones_like(scaled.T)]
+    for _ in range(degree):
+        powers.append(powers[-1] * scaled.T)
+    return np.stack([powers[a][0] * powers[b][1] * powers[c][2] for a, b, c in _exponents(degree)], axis=1)
 
 
 def _exponents(degree: int) -> list[tuple[int, int, int]]:
@@ -126,6 +140,10 @@ class LinearMap:
         covariance = self.beyond.covariance_px2(points_mm)
         covariance[inside] = np.sum(weights**2, axis=1)[:, None, None] * self.beyond.residual_covariance_px2
         return covariance
+
+    def difference_covariance_px2(self, points_mm: FloatArray, others_mm: FloatArray) -> FloatArray:
+        """Covariance ``(N, 4, 4)`` px^2 of the difference between two shifts, as the smooth map has it."""
+        return self.beyond.difference_covariance_px2(points_mm, others_mm)
 
     def _barycentric(self, points_mm: FloatArray) -> tuple[BoolArray, NDArray[np.int32], FloatArray]:
         """Which points lie in the tessellation, and for those their tetrahedron's corners and weights, ``(K, 4)``."""

@@ -75,11 +75,16 @@ def _pseudo_inverse(design: FloatArray) -> FloatArray:
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve ``(N, 3, 3)`` systems; rows that are not finite or singular give NaN."""
-    columns = right if right.ndim == 3 else right[..., None]
-    finite = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(columns).all(axis=(1, 2))
-    usable = np.flatnonzero(finite)
-    usable = usable[np.abs(np.linalg.det(normal[usable])) > 0.0]
-    solution = np.full(columns.shape, np.nan)
-    solution[usable] = np.linalg.solve(normal[usable], columns[usable])
-    return solution if right.ndim == 3 else solution[..., 0]
+    """Solve ``(N, 3, 3)`` systems by Cramer's rule; rows that are not finite or singular give NaN.
+
+    The systems are scaled by their largest element, so that no determinant over- or underflows.
+    """
+    scale = np.abs(normal).max(axis=(1, 2), keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scaled = normal / scale
+        columns = np.moveaxis(scaled, 2, 0)
+        cofactors = np.stack([np.cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) for i in range(3)], axis=1)
+        determinant = np.einsum("ni,ni->n", cofactors[:, 0], columns[0])
+        inverse = cofactors / (determinant[:, None, None] * scale)
+    inverse[~np.isfinite(inverse).all(axis=(1, 2))] = np.nan
+    return inverse @ right if right.ndim == 3 else np.einsum("nij,nj->ni", inverse, right)

@@ -23,6 +23,7 @@ def correlate(
     *,
     subset_px: int = 21,
     guess_px: FloatArray | None = None,
+    find_guesses: bool = True,
     shape: ShapeName = "affine",
     interpolation: SplineName = "quintic",
     reference_mask: BoolArray | None = None,
@@ -49,7 +50,9 @@ def correlate(
         Edge of the square subset, odd. Near borders and masks the valid part of it is used.
     guess_px
         Displacements ``(N, 2)`` or shape parameters ``(N, 6)`` / ``(N, 12)`` to start from, NaN where not known.
-        Without it, and where it fails: dense flow, neighbours, features and search, in this order of cost.
+        Without it, and where it fails: neighbours, dense flow, features and search, in this order of cost.
+    find_guesses
+        False: nothing but the given guesses and what propagates from them.
     shape
         "affine" (6 parameters) or "quadratic" (12, for steep gradients; about twice the noise).
     reference_mask, current_mask
@@ -93,7 +96,7 @@ def correlate(
         zncc_min=zncc_min,
     )
     matching = Matching(first, second, points, with_noise(options, *noise), search_px, threads)
-    matching.run(_checked_guess(guess_px, len(points), shape))
+    matching.run(_checked_guess(guess_px, len(points), shape), find_guesses)
     return _described(matching, noise)
 
 

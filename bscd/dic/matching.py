@@ -66,18 +66,21 @@ class Matching:
         self._hopeless = ~self._on_reference()
         self.solved.status[self._hopeless] = Status.OUTSIDE
 
-    def run(self, given: FloatArray | None) -> None:
-        """Try the guesses in the order of their cost, each only for the points that are still without a match."""
+    def run(self, given: FloatArray | None, find: bool = True) -> None:
+        """Try the guesses in the order of their cost, each only for the points that are still without a match.
+
+        Without ``find`` only the given ones and what propagates from them.
+        """
         if not len(self._points):
             return
         if given is not None:
             self._attempt(np.arange(len(given)), given, GuessSource.GIVEN)
             self._propagate()
-        if self._open().any():
+        if find and self._open().any():
             self._attempt_with(DenseFlow(*self._images), GuessSource.FLOW)
-        if np.count_nonzero(self._open()) > _FEW:
+        if find and np.count_nonzero(self._open()) > _FEW:
             self._attempt_with(FeatureMatches(*self._images), GuessSource.FEATURES)
-        if self._open().any():
+        if find and self._open().any():
             self._search()
         self._settle()
 

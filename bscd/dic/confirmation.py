@@ -1,0 +1,67 @@
+"""Which matches their neighbours confirm: a likeness by chance stands alone, a true match is part of a field."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from bscd.arrays import BoolArray, FloatArray, IntArray
+
+#: Neighbours that are asked, of whom this share must agree; with fewer than these nothing can be told.
+_NEIGHBOURS = 8
+_SHARE = 3 / 8
+_FEWEST = 3
+
+#: Neighbours farther away than this have no say, in subsets.
+_REACH_SUBSETS = 4.0
+
+#: How far neighbours in a steep field may be from what both their gradients let expect: px, and px a px of distance.
+_AGREE_PX = 2.0
+_AGREE_PER_PX = 0.1
+
+
+def confirmed(
+    index: IntArray,
+    points_px: FloatArray,
+    shape: FloatArray,
+    valid: BoolArray,
+    zncc: FloatArray,
+    subset_px: int,
+) -> BoolArray:
+    """Whether neighbours agree with the matches of some points, ``index`` ``(n,)``.
+
+    All points ``(N, 2)`` that were asked for, with their shape parameters ``(N, P)``, whether they have a match
+    ``(N,)`` and its ZNCC ``(N,)``, which is used to pick one of many. A neighbour without a match does not agree.
+    Subsets that overlap err together, so only neighbours a subset or more away are asked. Without enough of them a
+    match counts as confirmed.
+    """
+    voters = _best_in_cells(points_px, np.where(valid, zncc, -2.0), subset_px)
+    distance, near = KDTree(points_px[voters]).query(
+        points_px[index], k=np.arange(4 * _NEIGHBOURS) + 1, distance_upper_bound=_REACH_SUBSETS * subset_px
+    )
+    asked = np.isfinite(distance) & (distance >= subset_px)
+    asked &= np.cumsum(asked, axis=1) <= _NEIGHBOURS
+    other = voters[np.where(asked, near, 0)]
+    off = _disagreement_px(shape[index][:, None], shape[other], points_px[other] - points_px[index][:, None])
+    agrees = asked & valid[other] & (off < _AGREE_PX + _AGREE_PER_PX * np.where(asked, distance, 0.0))
+    count = np.count_nonzero(asked, axis=1)
+    return (np.count_nonzero(agrees, axis=1) >= _SHARE * count) | (count < _FEWEST)
+
+
+def _best_in_cells(points_px: FloatArray, score: FloatArray, cell_px: float) -> IntArray:
+    """Indices of the point of highest score in each cell of a square grid."""
+    column, row = (np.floor(points_px / cell_px) - np.floor(points_px.min(axis=0) / cell_px)).astype(np.int64).T
+    cell = row * (column.max() + 1) + column
+    order = np.lexsort((-score, cell))
+    return order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+
+
+def _disagreement_px(one: FloatArray, other: FloatArray, offset_px: FloatArray) -> FloatArray:
+    """How far displacements are from differing as the mean of their gradients says, for shapes ``(..., P)``."""
+    half = one.shape[-1] // 2
+    change, mean = other - one, (one + other) / 2.0
+    off = [
+        change[..., side] - mean[..., side + 1] * offset_px[..., 0] - mean[..., side + 2] * offset_px[..., 1]
+        for side in (0, half)
+    ]
+    return np.hypot(*off)

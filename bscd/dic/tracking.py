@@ -1,0 +1,213 @@
+"""Track points of one view through a sequence, from each frame's result to the next; the reference is renewed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bscd.arrays import BoolArray, FloatArray
+from bscd.dic.correlate import correlate
+from bscd.dic.correlation import Correlation, Status
+from bscd.dic.guess import DenseFlow, FeatureMatches
+from bscd.dic.images import PreparedImage
+from bscd.dic.solver import ShapeName
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """How points are tracked.
+
+    The reference is renewed when the median ZNCC has fallen by ``zncc_fall`` of what the first frame reached, or when
+    ``lost_share`` of the points that it had are without a match.
+    """
+
+    subset_px: int = 21
+    shape: ShapeName = "affine"
+    zncc_min: float = 0.7
+    zncc_fall: float = 0.1
+    lost_share: float = 0.02
+    noise_grey: float | tuple[float, float] | None = None
+    threads: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Where N points are in a frame.
+
+    ``position_px`` ``(N, 2)``; ``covariance_px2`` ``(N, 2, 2)`` of it, all matches since the first reference
+    together; ``gradient`` ``(N, 2, 2)`` of the displacement since the first reference by the position there; ``zncc``
+    ``(N,)`` against the reference of the moment; ``status`` ``(N,)``; ``renewals`` how often it was renewed before.
+    NaN where a point is not valid.
+    """
+
+    position_px: FloatArray
+    covariance_px2: FloatArray
+    gradient: FloatArray
+    zncc: FloatArray
+    status: NDArray[np.int32]
+    renewals: int
+
+    @property
+    def valid(self) -> BoolArray:
+        """Which points were found, ``(N,)``."""
+        return self.status == Status.VALID
+
+
+@dataclass
+class _Generation:
+    """A reference image and what the points had come to there; rows for all points, NaN for those not in it."""
+
+    image: PreparedImage
+    position_px: FloatArray
+    covariance_px2: FloatArray
+    gradient: FloatArray
+    shape: FloatArray = field(init=False)
+    """The last known shape parameters from here, ``(N, 6 or 12)``; NaN where there are none."""
+    before: FloatArray = field(init=False)
+
+
+class Tracker:
+    """Follows points ``(N, 2)`` of a reference image through frames that are given one after the other."""
+
+    def __init__(self, reference: PreparedImage, points_px: FloatArray, settings: TrackingSettings) -> None:
+        count = len(points_px)
+        self._settings = settings
+        self._parameters = 6 if settings.shape == "affine" else 12
+        self._generations: list[_Generation] = []
+        self._of = np.zeros(count, np.int64)
+        self._renewals = 0
+        self._first_zncc = float("nan")
+        self._last = Tracked(
+            np.array(points_px, np.float64),
+            np.zeros((count, 2, 2)),
+            np.zeros((count, 2, 2)),
+            np.ones(count),
+            np.zeros(count, np.int32),
+            0,
+        )
+        self._previous = reference
+        self._begin(reference, np.ones(count, bool))
+
+    def track(self, current: PreparedImage) -> Tracked:
+        """The points in the next frame."""
+        found = self._matched(current)
+        self._last = replace(found, renewals=self._renewals)
+        self._previous = current
+        self._renew_where_needed(current, found)
+        return self._last
+
+    def _matched(self, current: PreparedImage) -> Tracked:
+        count = len(self._of)
+        nan = float("nan")
+        whole = Tracked(
+            np.full((count, 2), nan),
+            np.full((count, 2, 2), nan),
+            np.full((count, 2, 2), nan),
+            np.full(count, nan),
+            np.full(count, Status.NO_GUESS, np.int32),
+            self._renewals,
+        )
+        for number, generation in enumerate(self._generations):
+            mine = np.flatnonzero(self._of == number)
+            if len(mine):
+                self._match_generation(generation, mine, current, whole)
+        return whole
+
+    def _match_generation(
+        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, whole: Tracked
+    ) -> None:
+        start = generation.position_px[mine]
+        result = self._correlate(generation, start, current, self._predicted(generation, mine))
+        if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
+            result = self._recovered(generation, mine, current, result)
+        shape = result.shape
+        generation.before[mine] = generation.shape[mine]
+        known = result.valid
+        generation.shape[mine[known]] = shape[known]
+        onward = np.eye(2) + result.gradient
+        carried = onward @ generation.covariance_px2[mine] @ np.swapaxes(onward, 1, 2)
+        whole.position_px[mine] = start + result.displacement_px
+        whole.covariance_px2[mine] = result.covariance_px2 + carried
+        whole.gradient[mine] = onward @ (np.eye(2) + generation.gradient[mine]) - np.eye(2)
+        whole.zncc[mine] = result.zncc
+        whole.status[mine] = result.status
+
+    def _correlate(
+        self, generation: _Generation, start: FloatArray, current: PreparedImage, guess: FloatArray, find: bool = False
+    ) -> Correlation:
+        settings = self._settings
+        return correlate(
+            generation.image,
+            current,
+            start,
+            subset_px=settings.subset_px,
+            guess_px=guess,
+            find_guesses=find,
+            shape=settings.shape,
+            interpolation=current.spline,
+            noise_grey=settings.noise_grey,
+            zncc_min=settings.zncc_min,
+            threads=settings.threads,
+        )
+
+    def _predicted(self, generation: _Generation, mine: NDArray[np.int64]) -> FloatArray:
+        """Shape parameters of steady motion: the last ones and once more their last change."""
+        last, before = generation.shape[mine], generation.before[mine]
+        ahead = 2.0 * last - before
+        return np.where(np.isfinite(ahead), ahead, last)
+
+    def _recovered(
+        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, first: Correlation
+    ) -> Correlation:
+        """After a jump: the motion since the previous frame by flow, then by features, then everything there is."""
+        start, last = generation.position_px[mine], generation.shape[mine]
+        half = self._parameters // 2
+        best = first
+        for finder in (DenseFlow, FeatureMatches):
+            here = start + last[:, [0, half]]
+            known = np.isfinite(here).all(axis=1)
+            step = np.full((len(mine), 6), np.nan)
+            if known.any():
+                step[known] = finder(self._previous, current).at(here[known])
+            found = self._correlate(generation, start, current, _after(last, step))
+            if np.count_nonzero(found.valid) > np.count_nonzero(best.valid):
+                best = found
+            if np.count_nonzero(best.valid) > 0.9 * len(mine):
+                return best
+        found = self._correlate(generation, start, current, best.shape, find=True)
+        return found if np.count_nonzero(found.valid) > np.count_nonzero(best.valid) else best
+
+    def _renew_where_needed(self, current: PreparedImage, found: Tracked) -> None:
+        valid = found.valid
+        newest = self._of == len(self._generations) - 1
+        if not (valid & newest).any():
+            return
+        similar = float(np.median(found.zncc[valid & newest]))
+        if np.isnan(self._first_zncc):
+            self._first_zncc = similar
+        lost = 1.0 - np.count_nonzero(valid & newest) / np.count_nonzero(newest)
+        if similar < (1.0 - self._settings.zncc_fall) * self._first_zncc or lost > self._settings.lost_share:
+            self._begin(current, valid & newest)
+
+    def _begin(self, image: PreparedImage, taken: BoolArray) -> None:
+        """Make an image the reference of some points; the others keep theirs and may come back there."""
+        last, count = self._last, len(self._of)
+        nan = np.full((count, self._parameters), np.nan)
+        generation = _Generation(image, last.position_px.copy(), last.covariance_px2.copy(), last.gradient.copy())
+        generation.shape, generation.before = nan, nan.copy()
+        generation.shape[taken] = 0.0
+        self._renewals += bool(self._generations)
+        self._generations.append(generation)
+        self._of[taken] = len(self._generations) - 1
+
+
+def _after(shape: FloatArray, step: FloatArray) -> FloatArray:
+    """Affine parts of a shape ``(n, 6 or 12)`` followed by an affine step ``(n, 6)``, as ``(n, 6)``."""
+    half = shape.shape[1] // 2
+    gradient = np.stack([shape[:, [1, 2]], shape[:, [half + 1, half + 2]]], axis=1)
+    more = np.stack([step[:, [1, 2]], step[:, [4, 5]]], axis=1)
+    total = (np.eye(2) + more) @ (np.eye(2) + gradient) - np.eye(2)
+    moved = shape[:, [0, half]] + step[:, [0, 3]]
+    return np.column_stack([moved[:, 0], total[:, 0], moved[:, 1], total[:, 1]])
