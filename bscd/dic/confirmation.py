@@ -37,7 +37,7 @@ def confirmed(
     """
     voters = _best_in_cells(points_px, np.where(valid, zncc, -2.0), subset_px)
     distance, near = KDTree(points_px[voters]).query(
-        points_px[index], k=np.arange(4 * _NEIGHBOURS) + 1, distance_upper_bound=_REACH_SUBSETS * subset_px
+        points_px[index], k=2 * _NEIGHBOURS, distance_upper_bound=_REACH_SUBSETS * subset_px
     )
     asked = np.isfinite(distance) & (distance >= subset_px)
     asked &= np.cumsum(asked, axis=1) <= _NEIGHBOURS

@@ -107,7 +107,9 @@ def _described(matching: Matching, noise: tuple[float, float]) -> Correlation:
     half = solved.shape.shape[1] // 2
     shape = np.where(valid[:, None], solved.shape, np.nan)
     gain = solved.column("gain")
-    variance = np.maximum(noise[0] ** 2 + (noise[1] / gain) ** 2, solved.column("residual_variance"))
+    # 1 - ZNCC, which it rests on, may round to below 0 where the images are the same
+    residual = np.maximum(solved.column("residual_variance"), 0.0)
+    variance = np.maximum(noise[0] ** 2 + (noise[1] / gain) ** 2, residual)
     covariance = np.empty((len(shape), 2, 2))
     covariance[:, 0, 0] = solved.column("var_u")
     covariance[:, 0, 1] = covariance[:, 1, 0] = solved.column("cov_uv")
@@ -121,7 +123,7 @@ def _described(matching: Matching, noise: tuple[float, float]) -> Correlation:
         gradient=shape[:, [1, 2, half + 1, half + 2]].reshape(-1, 2, 2),
         shape=shape,
         zncc=np.where(valid | refused, solved.column("zncc"), np.nan),
-        residual_grey=np.where(valid, np.sqrt(solved.column("residual_variance")), np.nan),
+        residual_grey=np.where(valid, np.sqrt(residual), np.nan),
         pixels=np.nan_to_num(solved.column("pixels")).astype(np.int64),
         iterations=solved.iterations,
         status=solved.status,

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.dic.confirmation import confirmed
 from bscd.dic.correlation import GuessSource, Status
 from bscd.dic.guess import (
     DenseFlow,
@@ -24,6 +25,11 @@ _SURPRISE_PX = 0.5
 
 #: How far from its points a match's displacement and gradients are taken on, in subsets.
 _REACH_SUBSETS = 4.0
+
+#: Matches that differ by more than this many times the noise, and are less similar than this, may be chance.
+_CHANCE_NOISES = 2.0
+_CHANCE_ZNCC = 0.99
+_CHANCE_ROUNDS = 5
 
 _ROUNDS = 200
 _NEIGHBOURS = 4
@@ -75,7 +81,7 @@ class Matching:
             return
         if given is not None:
             self._attempt(np.arange(len(given)), given, GuessSource.GIVEN)
-            self._propagate()
+            self._spread()
         if find and self._open().any():
             self._attempt_with(DenseFlow(*self._images), GuessSource.FLOW)
         if find and np.count_nonzero(self._open()) > _FEW:
@@ -90,11 +96,11 @@ class Matching:
         seeds = index[seed_points(self._points[index], self._options.subset_px)]
         self._attempt(seeds, self._widened(finder.at(self._points[seeds])), source)
         self._challenge(np.flatnonzero(self.solved.valid))
-        self._propagate()
+        self._spread()
         left = np.flatnonzero(self._open())
         if len(left):
             self._attempt(left, self._widened(finder.at(self._points[left])), source)
-            self._propagate()
+            self._spread()
 
     def _attempt(self, index: IntArray, guesses: FloatArray, source: GuessSource) -> None:
         """Solve points ``(n,)`` from their guesses ``(n, P)`` and keep what is better than before."""
@@ -113,6 +119,12 @@ class Matching:
         self.solved.shape[kept], self.solved.found[kept] = tried.shape[better], tried.found[better]
         self.solved.status[kept], self.solved.iterations[kept] = tried.status[better], tried.iterations[better]
         self.guess[kept] = source
+
+    def _spread(self) -> None:
+        """Propagate the matches that were found, but none by chance."""
+        self._refuse_chance()
+        self._propagate()
+        self._refuse_chance()
 
     def _propagate(self) -> None:
         """From matched points to their neighbours, wave after wave, the most reliable neighbour first."""
@@ -149,6 +161,25 @@ class Matching:
         surprising = np.flatnonzero(self._surprising & self.solved.valid)
         if len(surprising):
             self._challenge(surprising)
+        self._refuse_chance()
+
+    def _refuse_chance(self) -> None:
+        """Refuse matches that differ by far more than noise and that no field of neighbours confirms."""
+        zncc, residual, gain = (self.solved.column(name) for name in ("zncc", "residual_variance", "gain"))
+        noise = self._options.noise_grey**2 + (self._options.noise_both_grey**2 - self._options.noise_grey**2) / gain**2
+        doubtful = (residual > _CHANCE_NOISES**2 * noise) & (zncc < _CHANCE_ZNCC)
+        if not (doubtful & self.solved.valid).any():
+            return
+        tried = np.flatnonzero(~self._hopeless & (self.solved.status != Status.NO_GUESS))
+        points, shape = self._points[tried], self.solved.shape[tried]
+        for _ in range(_CHANCE_ROUNDS):
+            valid = self.solved.valid[tried]
+            index = np.flatnonzero(valid & doubtful[tried])
+            alone = index[~confirmed(index, points, shape, valid, zncc[tried], self._options.subset_px)]
+            if not len(alone):
+                return
+            self.solved.status[tried[alone]] = Status.LOW_ZNCC
+            self.guess[self._led_outside()] = GuessSource.NONE  # perhaps by these
 
     def _challenge(self, index: IntArray) -> None:
         """Compare points with what the median of their neighbours lets expect; where it differs the better match stays.
@@ -196,13 +227,16 @@ class Matching:
             about = moved[:, [0, self._parameters // 2]]
         found = guess_by_search(*self._images, self._points[index], about, self._options.subset_px, self._search_px)
         self._attempt(index, self._widened(found), GuessSource.SEARCH)
-        self._propagate()
+        self._spread()
 
     def _open(self) -> BoolArray:
         """Points without a match that another guess might still give one."""
         settled = np.isin(self.solved.status, _FINAL) | self._hopeless
-        left = (self.solved.status == Status.OUTSIDE) & (self.guess == GuessSource.PROPAGATED)
-        return ~settled & ~left
+        return ~settled & ~self._led_outside()
+
+    def _led_outside(self) -> BoolArray:
+        """Points that have left the current image, as their neighbours say."""
+        return (self.solved.status == Status.OUTSIDE) & (self.guess == GuessSource.PROPAGATED)
 
     def _widened(self, affine: FloatArray) -> FloatArray:
         """Affine guesses ``(N, 6)`` as parameters of the shape function."""
