@@ -3,8 +3,10 @@
 Only `Calibration.load` and `Calibration.save` touch a file.
 """
 
-from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints, Points3D
+from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints, Located, Points3D
+from bscd.calibration.displacement import ImageCovariances, displacement_covariance
 from bscd.calibration.dlt import DltCamera, fit_dlt
+from bscd.calibration.epipolar import epipolar_curve
 from bscd.calibration.lattice import Lattice, adjust_lattice
 from bscd.calibration.motion import TargetMotion
 from bscd.calibration.observations import View, with_nominal_rotation
@@ -19,7 +21,9 @@ __all__ = [
     "ControlPoints",
     "DltCamera",
     "GridTarget",
+    "ImageCovariances",
     "Lattice",
+    "Located",
     "Points3D",
     "PointsTarget",
     "TargetMotion",
@@ -27,6 +31,8 @@ __all__ = [
     "adjust_lattice",
     "calibrate",
     "corner_cameras",
+    "displacement_covariance",
+    "epipolar_curve",
     "fit_dlt",
     "lattice_error_mm",
     "pair_views",

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import Delaunay, KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.calibration.displacement import ImageCovariances, displacement_covariance
 from bscd.calibration.dlt import DltCamera
 from bscd.calibration.hull import Hull
 from bscd.calibration.maps import DistortionMap, Interpolant, LinearMap, SmoothMap, fit_smooth_map
@@ -64,6 +65,19 @@ class Points3D:
     sigma_mm: FloatArray
     inside: BoolArray
     epipolar_px: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """Triangulated points before their uncertainty: ``points`` (corrected or not) and where they came from.
+
+    ``uncorrected_mm`` ``(N, 3)`` is where the distortion maps were looked up, ``inside`` ``(N,)`` the hull.
+    """
+
+    points: Triangulated
+    uncorrected_mm: FloatArray
+    inside: BoolArray
+    corrected: bool
 
 
 @dataclass(frozen=True)
@@ -179,28 +193,53 @@ class Calibration:
             Of (left column, left row, right column, right row): ``(4, 4)`` or ``(N, 4, 4)``; by default that of
             the calibration's own dots.
         """
+        located = self.locate(left_px, right_px, corrected, extrapolate=extrapolate)
+        return self.describe(located, np.eye(4) * self.sigma_px**2 if covariance_px2 is None else covariance_px2)
+
+    def locate(
+        self, left_px: FloatArray, right_px: FloatArray, corrected: bool = True, *, extrapolate: bool = False
+    ) -> Located:
+        """The points of `reconstruct` with what their uncertainty follows from."""
         left, right = (np.asarray(image, np.float64).reshape(-1, 2) for image in (left_px, right_px))
-        image_covariance = np.eye(4) * self.sigma_px**2 if covariance_px2 is None else covariance_px2
         first = self._triangulate(left, right)
         known = np.isfinite(first.xyz_mm).all(axis=1)
         inside = np.zeros(len(left), bool)
         inside[known] = self.hull.contains(first.xyz_mm[known])
         if not corrected:
-            sigma = _sigma(first.covariance_mm2(image_covariance))
-            return Points3D(first.xyz_mm, sigma, inside, _epipolar(first))
+            return Located(first, first.xyz_mm, inside, corrected=False)
         use = known if extrapolate else inside
-        xyz, sigma = np.full((len(left), 3), np.nan), np.full((len(left), 3), np.nan)
-        epipolar = np.full(len(left), np.nan)
+        shifts = np.full((len(left), 4), np.nan)
         if use.any():
-            at = first.xyz_mm[use]
-            shifts = self.maps.shifts_px(at)
-            second = self._triangulate(left[use] + shifts[:, :2], right[use] + shifts[:, 2:])
-            per_point = image_covariance if np.ndim(image_covariance) == 2 else image_covariance[use]
-            total = second.covariance_mm2(per_point + self.maps.covariance_px2(at))
+            shifts[use] = self.maps.shifts_px(first.xyz_mm[use])
+        second = self._triangulate(left + shifts[:, :2], right + shifts[:, 2:])
+        return Located(second, first.xyz_mm, inside, corrected=True)
+
+    def describe(self, located: Located, covariance_px2: FloatArray) -> Points3D:
+        """Located points with their uncertainty, for image covariances ``(4, 4)`` or ``(N, 4, 4)`` px^2."""
+        points = located.points
+        if not located.corrected:
+            sigma = _sigma(points.covariance_mm2(covariance_px2))
+            return Points3D(points.xyz_mm, sigma, located.inside, _epipolar(points))
+        known = np.asarray(np.isfinite(points.xyz_mm).all(axis=1))
+        sigma = np.full(points.xyz_mm.shape, np.nan)
+        if known.any():
+            at = located.uncorrected_mm[known]
+            per_point = covariance_px2 if np.ndim(covariance_px2) == 2 else covariance_px2[known]
+            total = points.only(known).covariance_mm2(per_point + self.maps.covariance_px2(at))
             reference = self.control.reference_sigma_mm[self._reference_tree.query(at)[1]]
-            xyz[use], epipolar[use] = second.xyz_mm, _epipolar(second)
-            sigma[use] = np.sqrt(_sigma(total) ** 2 + reference**2)
-        return Points3D(xyz, sigma, inside, epipolar)
+            sigma[known] = np.sqrt(_sigma(total) ** 2 + reference**2)
+        return Points3D(points.xyz_mm, sigma, located.inside, _epipolar(points))
+
+    def displacement_sigma_mm(self, now: Located, reference: Located, images: ImageCovariances) -> FloatArray:
+        """Standard uncertainty ``(N, 3)`` of the displacement between two locations of the same points."""
+        maps = None
+        if now.corrected:
+            known = np.isfinite(now.points.xyz_mm).all(axis=1) & np.isfinite(reference.points.xyz_mm).all(axis=1)
+            maps = np.full((len(now.inside), 4, 4), np.nan)
+            maps[known] = self.maps.difference_covariance_px2(
+                now.uncorrected_mm[known], reference.uncorrected_mm[known]
+            )
+        return _sigma(displacement_covariance(now.points, reference.points, images, maps))
 
     def _triangulate(self, left: FloatArray, right: FloatArray) -> Triangulated:
         return triangulate([self.left.matrix, self.right.matrix], [left, right], self.choices.triangulation)

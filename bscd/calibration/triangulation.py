@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from bscd.arrays import FloatArray
+from bscd.arrays import BoolArray, FloatArray
 from bscd.calibration.dlt import project, projection_jacobian
 
 TriangulationMethod = Literal["linear", "optimal"]
@@ -31,6 +31,10 @@ class Triangulated:
     def covariance_mm2(self, covariance_px2: FloatArray) -> FloatArray:
         """Covariance ``(N, 3, 3)`` for image covariances ``(2V, 2V)`` or ``(N, 2V, 2V)``."""
         return self.jacobian @ covariance_px2 @ np.swapaxes(self.jacobian, 1, 2)
+
+    def only(self, which: BoolArray) -> Triangulated:
+        """Some of the points."""
+        return Triangulated(self.xyz_mm[which], self.residual_px[which], self.jacobian[which])
 
 
 def triangulate(

@@ -1,0 +1,74 @@
+"""`bscd measure`: shape, displacement and strain of every frame of a run, offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bscd.acquisition import PhaseName, RunFile
+from bscd.acquisition.images import read_grey
+from bscd.calibration import Calibration
+from bscd.cli.following import following
+from bscd.errors import InputError
+from bscd.procedures.measuring import MeasureSettings, measure_to_file
+from bscd.procedures.measuring.settings import StereoShape
+from bscd.results import StereoSource
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @app.command()
+    def measure(
+        calibration: Annotated[Path, typer.Argument(help="The calibration file.")],
+        run: Annotated[Path, typer.Argument(help="Run file with sphere or inflation frames.")],
+        out: Annotated[Path, typer.Option("-o", "--out", help="The results file to make; it must not exist.")],
+        step: Annotated[int, typer.Option(min=1, help="Distance between points, px.")] = 10,
+        subset: Annotated[int, typer.Option(min=5, help="Edge of the subset, px, odd.")] = 21,
+        stereo: Annotated[StereoSource, typer.Option(help="Views: the biprism's halves, or both cameras.")] = "biprism",
+        phase: Annotated[
+            PhaseName | None, typer.Option(help="Frames to measure; default inflation, else sphere.")
+        ] = None,
+        region: Annotated[
+            Path | None, typer.Option(help="Image that is white where points are wanted in the left view.")
+        ] = None,
+        stereo_shape: Annotated[StereoShape, typer.Option(help="Shape function of the stereo match.")] = "auto",
+        vsg: Annotated[float, typer.Option(help="Largest virtual strain gauge, mm.")] = 6.0,
+        strain: Annotated[bool, typer.Option(help="Strains as well.")] = True,
+        extrapolate: Annotated[bool, typer.Option(help="Keep points outside the calibrated hull, marked.")] = False,
+        corrected: Annotated[bool, typer.Option(help="Correct the distortion; off: the virtual cameras alone.")] = True,
+        threads: Annotated[
+            int | None, typer.Option(min=1, help="Threads of the correlator; default: all cores.")
+        ] = None,
+    ) -> None:
+        """Measure a run: DIC and 3D for every frame.
+
+        Example: bscd measure calibration.h5 inflation.h5 -o result.h5
+        """
+        if out.exists():
+            raise InputError(f"{out}: exists already; results are never overwritten, choose another name")
+        settings = MeasureSettings(
+            step_px=step,
+            subset_px=subset,
+            stereo=stereo,
+            phase=phase,
+            region=None if region is None else read_grey(region).data > 0,
+            stereo_shape=stereo_shape,
+            vsg_mm=vsg,
+            strain=strain,
+            extrapolate=extrapolate,
+            corrected=corrected,
+            threads=threads,
+        )
+        loaded = Calibration.load(calibration)
+        with RunFile(run) as source, following("Measuring", "frames") as progress:
+            header = measure_to_file(
+                loaded, source, out, settings, calibration_name=calibration.name, progress=progress, warn=_warn
+            )
+        typer.echo(f"{out}: {len(header.points_px)} points, {header.parameters['phase']} frames")
+
+
+def _warn(text: str) -> None:
+    typer.echo(f"warning: {text}", err=True)

@@ -1,0 +1,117 @@
+"""Which frames of a run are measured, and which of them are the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bscd.acquisition import FrameRecord, PhaseName, RunFile
+from bscd.arrays import FloatArray
+from bscd.errors import InputError
+from bscd.results import StereoSource
+
+#: The pressure's rise above its start that ends the frames before the ramp.
+_AT_REST_KPA = 0.03
+
+#: More frames than these bring the reference's noise no further down.
+_MOST_AT_REST = 16
+
+#: How far the jacks may stand from where they stood in the calibration's biprism scan.
+_JACK_MM = 0.5
+
+#: Without readings of the pressure, or in a sphere's frames, the first one is the reference.
+_MEASURED: tuple[PhaseName, ...] = ("inflation", "sphere")
+
+
+@dataclass(frozen=True)
+class FrameChoice:
+    """The frames of one measurement: their rows in the primary camera (and the auxiliary one beside them).
+
+    ``numbers`` count from 0 as recorded among the measured frames; ``reference`` are the numbers whose mean is the
+    reference.
+    """
+
+    phase: PhaseName
+    primary: tuple[int, ...]
+    auxiliary: tuple[int, ...]
+    reference: tuple[int, ...]
+    size_px: tuple[int, int]
+
+    def __len__(self) -> int:
+        """How many frames are measured."""
+        return len(self.primary)
+
+
+def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, raised_mm: float) -> FrameChoice:
+    """The frames of a phase (None: inflation, else sphere) that a pair of views can measure.
+
+    Where the jacks' height is known, frames with the biprism out of view are left out for the biprism's views, and
+    those with it in view for the standard pair. Raises `InputError` when there are none.
+    """
+    there: set[str] = {str(name) for name in run.table("primary")["phase"]} if "primary" in run.cameras else set()
+    chosen: PhaseName | None = phase or next((name for name in _MEASURED if name in there), None)
+    if chosen is None or chosen not in there:
+        wanted = phase or " or ".join(_MEASURED)
+        raise InputError(f"{run.path}: it has no {wanted} frames of the primary camera; record or import them")
+    table = run.table("primary", chosen)
+    raised = np.abs(table["jack_mm"] - raised_mm) <= _JACK_MM
+    known = np.isfinite(table["jack_mm"]) & np.isfinite(raised_mm)
+    in_view = ~known | raised if stereo == "biprism" else ~known | ~raised
+    table = table[in_view & (table["status"] == "ok")]
+    auxiliary: tuple[int, ...] = ()
+    if stereo == "standard":
+        if "auxiliary" not in run.cameras:
+            raise InputError(f"{run.path}: it has no auxiliary camera; the standard pair needs both")
+        other = run.table("auxiliary", chosen)
+        other = other[other["status"] == "ok"]
+        if len(other) != len(table):
+            raise InputError(
+                f"{run.path}: {len(table)} {chosen} frames of the primary camera without the biprism, {len(other)} of "
+                f"the auxiliary; the standard pair needs one of each"
+            )
+        auxiliary = tuple(int(row) for row in other["sequence_number"])
+    if not len(table):
+        raise InputError(f"{run.path}: none of its {chosen} frames can be measured as {stereo} pair")
+    camera = run.cameras["primary"]
+    return FrameChoice(
+        chosen,
+        tuple(int(row) for row in table["sequence_number"]),
+        auxiliary,
+        _at_rest(table["pressure_kpa"], chosen),
+        (camera.width_px, camera.height_px),
+    )
+
+
+def _at_rest(pressure_kpa: FloatArray, phase: PhaseName) -> tuple[int, ...]:
+    """The frames before the ramp."""
+    if phase != "inflation" or not np.isfinite(pressure_kpa[0]):
+        return (0,)
+    rising = ~(np.abs(pressure_kpa - pressure_kpa[0]) <= _AT_REST_KPA)
+    end = int(np.argmax(rising)) if rising.any() else 1
+    return tuple(range(min(end, _MOST_AT_REST)))
+
+
+def frame_records(run: RunFile, choice: FrameChoice) -> Iterator[tuple[FrameRecord, FrameRecord | None]]:
+    """The chosen frames in the order recorded, with the auxiliary camera's where there is one."""
+    wanted = set(choice.primary)
+    numbers = run.table("primary", choice.phase)["sequence_number"]
+    frames = (
+        frame
+        for number, frame in zip(numbers, run.frames("primary", choice.phase), strict=False)
+        if int(number) in wanted
+    )
+    if not choice.auxiliary:
+        for frame in frames:
+            yield frame, None
+        return
+    also = set(choice.auxiliary)
+    others = (
+        frame
+        for number, frame in zip(
+            run.table("auxiliary", choice.phase)["sequence_number"], run.frames("auxiliary", choice.phase), strict=False
+        )
+        if int(number) in also
+    )
+    yield from zip(frames, others, strict=False)

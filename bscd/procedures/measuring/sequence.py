@@ -1,0 +1,189 @@
+"""From a sequence's views to positions and displacements, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bscd.arrays import BoolArray, FloatArray
+from bscd.calibration import ImageCovariances, Located
+from bscd.dic import Correlation, Status, correlate
+from bscd.dic.stereo import match_views
+from bscd.dic.tracking import Tracked, Tracker, TrackingSettings
+from bscd.procedures.measuring.geometry import PairGeometry
+from bscd.procedures.measuring.settings import MeasureSettings
+from bscd.procedures.measuring.views import FrameViews
+
+
+class PointStatus(IntEnum):
+    """Whether a point was measured in a frame, or why not; the first are the correlation's own."""
+
+    VALID = 0
+    OUTSIDE = 1
+    LOW_TEXTURE = 2
+    NOT_CONVERGED = 3
+    LOW_ZNCC = 4
+    DIVERGED = 5
+    NO_GUESS = 6
+    NO_STEREO = 7
+    """The reference's left and right view could not be matched there."""
+    EPIPOLAR = 8
+    """Left and right do not belong together, or the rig has moved."""
+    OUTSIDE_VOLUME = 9
+    """Outside the calibrated hull."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One frame: a row a requested point, NaN where not known.
+
+    ``xyz_mm``, ``displacement_mm``, ``sigma_mm`` and ``displacement_sigma_mm`` ``(N, 3)``, ``left_px``, ``right_px``
+    ``(N, 2)``, ``zncc``, ``epipolar_px``, ``status`` ``(N,)``.
+    """
+
+    xyz_mm: FloatArray
+    displacement_mm: FloatArray
+    sigma_mm: FloatArray
+    displacement_sigma_mm: FloatArray
+    left_px: FloatArray
+    right_px: FloatArray
+    zncc: FloatArray
+    epipolar_px: FloatArray
+    status: NDArray[np.uint8]
+
+    @property
+    def valid(self) -> BoolArray:
+        """Which points were measured, ``(N,)``."""
+        return self.status == PointStatus.VALID
+
+
+class Sequence:
+    """Matches the reference's two views once, then tracks each view and triangulates."""
+
+    def __init__(
+        self,
+        reference: FrameViews,
+        points_px: FloatArray,
+        geometry: PairGeometry,
+        settings: MeasureSettings,
+        noise_grey: tuple[float, float],
+        epipolar_limit_px: float,
+    ) -> None:
+        self.points_px = points_px
+        self._geometry = geometry
+        self._limit_px = epipolar_limit_px
+        self._extrapolate = settings.extrapolate
+        self.stereo, self.stereo_shape = _matched(reference, points_px, geometry, settings, noise_grey[0])
+        self._right_px = points_px + self.stereo.displacement_px
+        tracking = TrackingSettings(
+            subset_px=settings.subset_px, zncc_min=settings.zncc_min, noise_grey=noise_grey, threads=settings.threads
+        )
+        self._usable = self.stereo.valid
+        self._left = Tracker(reference.left, points_px[self._usable], tracking)
+        self._right = Tracker(reference.right, self._right_px[self._usable], tracking)
+        count = int(np.count_nonzero(self._usable))
+        self._located = geometry.locate(points_px[self._usable], self._right_px[self._usable])
+        still = Tracked(
+            points_px[self._usable],
+            np.zeros((count, 2, 2)),
+            np.zeros((count, 2, 2)),
+            np.ones(count),
+            np.zeros(count, np.int32),
+            0,
+        )
+        right = Tracked(
+            self._right_px[self._usable],
+            still.covariance_px2,
+            still.gradient,
+            self.stereo.zncc[self._usable],
+            still.status,
+            0,
+        )
+        self.reference = self._measured(still, right, self._located)
+
+    def measure(self, frame: FrameViews) -> Measured:
+        """The next frame."""
+        left, right = self._left.track(frame.left), self._right.track(frame.right)
+        return self._measured(left, right, self._geometry.locate(left.position_px, right.position_px))
+
+    def _measured(self, left: Tracked, right: Tracked, located: Located) -> Measured:
+        usable = self._usable
+        images = ImageCovariances(
+            left.covariance_px2,
+            right.covariance_px2,
+            self.stereo.covariance_px2[usable],
+            np.eye(2) + right.gradient,
+        )
+        points = self._geometry.describe(located, images.position_px2)
+        status = np.where(left.status != Status.VALID, left.status, right.status).astype(np.uint8)
+        found = status == PointStatus.VALID
+        outside = found & ~points.inside
+        status[found & (points.epipolar_px > self._limit_px)] = PointStatus.EPIPOLAR
+        status[outside] = PointStatus.OUTSIDE_VOLUME
+        shown = (status == PointStatus.VALID) | (outside & self._extrapolate)
+        displacement = points.xyz_mm - self._located.points.xyz_mm
+        sigma = self._geometry.displacement_sigma_mm(located, self._located, images)
+        whole = np.full(len(self.points_px), PointStatus.NO_STEREO, np.uint8)
+        whole[usable] = status
+        whole[self.stereo.status == Status.OUTSIDE] = PointStatus.OUTSIDE
+
+        def spread(values: FloatArray, where: BoolArray) -> FloatArray:
+            out = np.full((len(self.points_px), *values.shape[1:]), np.nan)
+            out[usable] = np.where(where.reshape(-1, *(1,) * (values.ndim - 1)), values, np.nan)
+            return out
+
+        return Measured(
+            xyz_mm=spread(points.xyz_mm, shown),
+            displacement_mm=spread(displacement, shown),
+            sigma_mm=spread(points.sigma_mm, shown),
+            displacement_sigma_mm=spread(sigma, shown),
+            left_px=spread(left.position_px, found),
+            right_px=spread(right.position_px, found),
+            zncc=spread(np.minimum(left.zncc, right.zncc), found),
+            epipolar_px=spread(points.epipolar_px, found),
+            status=whole,
+        )
+
+
+def _matched(
+    views: FrameViews, points_px: FloatArray, geometry: PairGeometry, settings: MeasureSettings, noise_grey: float
+) -> tuple[Correlation, str]:
+    """The stereo match and the shape function it was made with.
+
+    "auto" takes the second order when what it changes, beyond its own noise, is more than the noise that it adds: the
+    smaller mean square error.
+    """
+    first = match_views(
+        views.left,
+        views.right,
+        points_px,
+        geometry.curve,
+        subset_px=settings.subset_px,
+        noise_grey=noise_grey,
+        zncc_min=settings.zncc_min,
+        threads=settings.threads,
+    )
+    if settings.stereo_shape == "affine":
+        return first, "affine"
+    second = correlate(
+        views.left,
+        views.right,
+        points_px,
+        subset_px=settings.subset_px,
+        guess_px=first.shape,
+        find_guesses=False,
+        shape="quadratic",
+        noise_grey=noise_grey,
+        zncc_min=settings.zncc_min,
+        threads=settings.threads,
+    )
+    both = first.valid & second.valid
+    if settings.stereo_shape == "auto" and both.any():
+        changed = np.median(np.sum((second.displacement_px - first.displacement_px)[both] ** 2, axis=1))
+        added = np.median(np.sum((second.sigma_px**2 - first.sigma_px**2)[both], axis=1))
+        if changed < 2.0 * added:
+            return first, "affine"
+    return second, "quadratic"

@@ -1,0 +1,58 @@
+"""A frame's two views, made ready for matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bscd.acquisition import FrameRecord
+from bscd.arrays import BoolArray
+from bscd.calibration import Calibration
+from bscd.dic import PreparedImage, prepare
+from bscd.errors import InputError
+
+#: Columns on either side of the split line that show neither view alone.
+_BLEND_PX = 4
+
+
+@dataclass(frozen=True, eq=False)
+class FrameViews:
+    """The left and the right view of one frame."""
+
+    left: PreparedImage
+    right: PreparedImage
+
+
+class BiprismSplitter:
+    """Takes the halves of the biprism's images as views; both keep the sensor's pixel coordinates."""
+
+    def __init__(self, calibration: Calibration, shape: tuple[int, int], subset_px: int) -> None:
+        control = calibration.control
+        left_end, right_start = float(control.left_px[:, 0].max()), float(control.right_px[:, 0].min())
+        height, width = shape
+        if not left_end < right_start:
+            raise InputError("calibration: its left and right views overlap on the sensor; it is not of a biprism")
+        if right_start > width - 1 or control.left_px[:, 1].max() > height - 1:
+            raise InputError(
+                f"calibration: it has dots at column {control.right_px[:, 0].max():.0f}, row "
+                f"{control.left_px[:, 1].max():.0f}, the run's images are {width} x {height} px; "
+                f"use the calibration of this camera and image size"
+            )
+        split = (left_end + right_start) / 2.0
+        columns = np.broadcast_to(np.arange(width), shape)
+        self.left_mask: BoolArray = np.ascontiguousarray(columns <= split - _BLEND_PX)
+        self._right = np.ascontiguousarray(columns >= split + _BLEND_PX).view(np.uint8)
+        self._subset_px = subset_px
+
+    def views(self, image: np.ndarray) -> FrameViews:
+        """Both halves ``(H, W)`` share one set of spline coefficients."""
+        left = prepare(image, mask=self.left_mask, subset_px=self._subset_px, name="frame")
+        return FrameViews(left, replace(left, mask=self._right))
+
+
+def pair_views(primary: FrameRecord, auxiliary: FrameRecord, subset_px: int) -> FrameViews:
+    """The standard pair's images."""
+    return FrameViews(
+        *(prepare(np.asarray(frame.data, np.float32), subset_px=subset_px) for frame in (primary, auxiliary))
+    )
