@@ -95,18 +95,19 @@ def match(
     radius = subset_px // 2
     dy, dx = (offsets.ravel().astype(float) for offsets in np.mgrid[-radius : radius + 1, -radius : radius + 1])
     allowed = reference.usable(point[0] + dx, point[1] + dy)
+    dx, dy = dx[allowed], dy[allowed]
     f_all = reference.at(point[0] + dx, point[1] + dy)
     slope_x, slope_y = reference.slopes(point[0] + dx, point[1] + dy)
     terms = basis(dx, dy, half)
     descent_all = np.hstack([slope_x[:, None] * terms, slope_y[:, None] * terms])
-    used = allowed
+    used = np.ones(len(dx), bool)
     found = PlainMatch("not converged", p)
     for iteration in range(max_iterations):
         x, y = point[0] + dx + terms @ p[:half], point[1] + dy + terms @ p[half:]
         if not current.usable(np.array(point[0] + p[0]), np.array(point[1] + p[half])):
             return PlainMatch("outside", p)
         if iteration < SETTLED:
-            used = allowed & current.usable(x, y)
+            used = current.usable(x, y)
         if np.count_nonzero(used) < fewest:
             return PlainMatch("outside", p)
         f, g, descent = f_all[used], current.at(x[used], y[used]), descent_all[used]

@@ -1,6 +1,7 @@
 """B-spline interpolation as it is defined: coefficients from the linear system, values as the sum over all B-splines.
 
-Unser, Aldroubi, Eden 1993 (IEEE Trans Signal Process 41:821-833). The image counts as mirrored about its border pixels.
+Unser, Aldroubi, Eden 1993 (IEEE Trans Signal Process 41:821-833). Beyond its border an image goes on as its point
+reflection in the border pixels, ``f(-x) = 2 f(0) - f(x)``, and so do its coefficients.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def coefficients(image: FloatArray, order: int) -> FloatArray:
 
 
 def value(coefficients: FloatArray, order: int, x: FloatArray, y: FloatArray) -> FloatArray:
-    """The spline at columns and rows ``(N,)``, which may lie beyond the image."""
+    """The spline at columns and rows ``(N,)`` on the image."""
     return _summed(coefficients, order, x, y, bspline, bspline)
 
 
@@ -49,27 +50,20 @@ def _positive(x: FloatArray) -> FloatArray:
     return np.maximum(x, 0.0)
 
 
-def _mirrored(index: np.ndarray, size: int) -> np.ndarray:
-    """The pixel that a place beyond the border shows."""
-    period = max(2 * (size - 1), 1)
-    index = np.abs(index) % period
-    return np.minimum(index, period - index)
-
-
 def _at_pixels(size: int, order: int) -> FloatArray:
     """The matrix that takes coefficients ``(size,)`` to values at the pixels."""
-    matrix = np.zeros((size, size))
-    for offset in range(-(order // 2), order // 2 + 1):
-        pixels = np.arange(size)
-        np.add.at(matrix, (pixels, _mirrored(pixels + offset, size)), bspline(order, np.array(float(offset))))
-    return matrix
+    reach = order // 2
+    extended = np.pad(np.eye(size), ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
+    weights = bspline(order, np.arange(-reach, reach + 1.0))
+    return sum(weight * extended[k : k + size] for k, weight in enumerate(weights))
 
 
 def _summed(coefficients, order, x, y, along, down) -> FloatArray:
-    height, width = coefficients.shape
+    room = order // 2 + 2
+    extended = np.pad(coefficients, room, mode="reflect", reflect_type="odd")
     x, y = np.asarray(x, float).ravel(), np.asarray(y, float).ravel()
     reach = np.arange(-(order // 2) - 1, order // 2 + 2)
     columns = np.floor(x).astype(int)[:, None] + reach
     rows = np.floor(y).astype(int)[:, None] + reach
-    near = coefficients[_mirrored(rows, height)[:, :, None], _mirrored(columns, width)[:, None, :]]
+    near = extended[(rows + room)[:, :, None], (columns + room)[:, None, :]]
     return np.einsum("nij,ni,nj->n", near, down(order, y[:, None] - rows), along(order, x[:, None] - columns))
