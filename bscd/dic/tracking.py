@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlate import correlate
@@ -75,12 +76,14 @@ class Tracker:
         count = len(points_px)
         self._settings = settings
         self._parameters = 6 if settings.shape == "affine" else 12
-        self._generations: list[_Generation] = []
+        self._points_px = np.array(points_px, np.float64).reshape(-1, 2)
+        self._generations: dict[int, _Generation] = {}
+        self._newest = -1
         self._of = np.zeros(count, np.int64)
         self._renewals = 0
         self._first_zncc = float("nan")
         self._last = Tracked(
-            np.array(points_px, np.float64),
+            self._points_px,
             np.zeros((count, 2, 2)),
             np.zeros((count, 2, 2)),
             np.ones(count),
@@ -109,10 +112,9 @@ class Tracker:
             np.full(count, Status.NO_GUESS, np.int32),
             self._renewals,
         )
-        for number, generation in enumerate(self._generations):
-            mine = np.flatnonzero(self._of == number)
-            if len(mine):
-                self._match_generation(generation, mine, current, whole)
+        for number, generation in self._generations.items():
+            self._match_generation(generation, np.flatnonzero(self._of == number), current, whole)
+        self._match_beside_neighbours(current, whole)
         return whole
 
     def _match_generation(
@@ -122,10 +124,35 @@ class Tracker:
         result = self._correlate(generation, start, current, self._predicted(generation, mine))
         if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
             result = self._recovered(generation, mine, current, result)
-        shape = result.shape
         generation.before[mine] = generation.shape[mine]
+        self._take(generation, mine, result, whole)
+
+    def _match_beside_neighbours(self, current: PreparedImage, whole: Tracked) -> None:
+        """Try the points without a match where the nearest ones with a match, of any reference, say that they are."""
+        lost = np.flatnonzero(~whole.valid)
+        if not len(lost) or not whole.valid.any():
+            return
+        known = np.flatnonzero(whole.valid)
+        beside = known[KDTree(self._points_px[known]).query(self._points_px[lost])[1]]
+        deformation = np.eye(2) + whole.gradient[beside]
+        offset = self._points_px[lost] - self._points_px[beside]
+        place = whole.position_px[beside] + np.einsum("nij,nj->ni", deformation, offset)
+        for number, generation in self._generations.items():
+            here = self._of[lost] == number
+            if not here.any():
+                continue
+            mine = lost[here]
+            gradient = deformation[here] @ np.linalg.inv(np.eye(2) + generation.gradient[mine]) - np.eye(2)
+            moved = place[here] - generation.position_px[mine]
+            guess = np.column_stack([moved[:, 0], gradient[:, 0], moved[:, 1], gradient[:, 1]])
+            result = self._correlate(generation, generation.position_px[mine], current, guess)
+            self._take(generation, mine, result, whole)
+
+    def _take(self, generation: _Generation, mine: NDArray[np.int64], result: Correlation, whole: Tracked) -> None:
+        """Enter a generation's matches into the whole."""
+        start = generation.position_px[mine]
         known = result.valid
-        generation.shape[mine[known]] = shape[known]
+        generation.shape[mine[known]] = result.shape[known]
         onward = np.eye(2) + result.gradient
         carried = onward @ generation.covariance_px2[mine] @ np.swapaxes(onward, 1, 2)
         whole.position_px[mine] = start + result.displacement_px
@@ -181,7 +208,7 @@ class Tracker:
 
     def _renew_where_needed(self, current: PreparedImage, found: Tracked) -> None:
         valid = found.valid
-        newest = self._of == len(self._generations) - 1
+        newest = self._of == self._newest
         if not (valid & newest).any():
             return
         similar = float(np.median(found.zncc[valid & newest]))
@@ -189,18 +216,25 @@ class Tracker:
             self._first_zncc = similar
         lost = 1.0 - np.count_nonzero(valid & newest) / np.count_nonzero(newest)
         if similar < (1.0 - self._settings.zncc_fall) * self._first_zncc or lost > self._settings.lost_share:
-            self._begin(current, valid & newest)
+            # what is much less alike than the rest is half covered: its old reference shows more of it
+            self._begin(current, valid & (found.zncc >= similar - self._settings.zncc_fall))
 
     def _begin(self, image: PreparedImage, taken: BoolArray) -> None:
-        """Make an image the reference of some points; the others keep theirs and may come back there."""
+        """Make an image the reference of some points; the others keep theirs and may come back there.
+
+        References that no point has any more are let go.
+        """
         last, count = self._last, len(self._of)
         nan = np.full((count, self._parameters), np.nan)
         generation = _Generation(image, last.position_px.copy(), last.covariance_px2.copy(), last.gradient.copy())
         generation.shape, generation.before = nan, nan.copy()
         generation.shape[taken] = 0.0
         self._renewals += bool(self._generations)
-        self._generations.append(generation)
-        self._of[taken] = len(self._generations) - 1
+        self._newest += 1
+        self._of[taken] = self._newest
+        self._generations[self._newest] = generation
+        used = set(self._of.tolist())
+        self._generations = {number: kept for number, kept in self._generations.items() if number in used}
 
 
 def _after(shape: FloatArray, step: FloatArray) -> FloatArray:
