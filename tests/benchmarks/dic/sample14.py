@@ -84,8 +84,8 @@ class Sample14:
     def limit_px(self) -> float:
         """Cramer-Rao limit of u for affine matches, root mean square over the grid.
 
-        The noise is that of the columns that do not move; the gradient is the reference's own by differences, whose
-        noise makes the limit a few per cent too low.
+        The noise is that of the columns that do not move; the gradient is the reference's own by differences, with its
+        noise, so the limit is good to a few per cent.
         """
         reference = self.images["reference"].astype(np.float64)
         differences = [self.images[level] - reference for level in LEVELS]
