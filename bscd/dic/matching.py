@@ -157,17 +157,15 @@ class Matching:
         self._keep(index, tried, GuessSource.PROPAGATED)
 
     def _settle(self) -> None:
-        """What surprised is challenged once more, now that its neighbours are known."""
-        surprising = np.flatnonzero(self._surprising & self.solved.valid)
+        """What surprised or may be chance is challenged once more, now that its neighbours are known."""
+        surprising = np.flatnonzero((self._surprising | self._doubtful()) & self.solved.valid)
         if len(surprising):
             self._challenge(surprising)
         self._refuse_chance()
 
     def _refuse_chance(self) -> None:
         """Refuse matches that differ by far more than noise and that no field of neighbours confirms."""
-        zncc, residual, gain = (self.solved.column(name) for name in ("zncc", "residual_variance", "gain"))
-        noise = self._options.noise_grey**2 + (self._options.noise_both_grey**2 - self._options.noise_grey**2) / gain**2
-        doubtful = (residual > _CHANCE_NOISES**2 * noise) & (zncc < _CHANCE_ZNCC)
+        doubtful, zncc = self._doubtful(), self.solved.column("zncc")
         if not (doubtful & self.solved.valid).any():
             return
         tried = np.flatnonzero(~self._hopeless & (self.solved.status != Status.NO_GUESS))
@@ -180,6 +178,12 @@ class Matching:
                 return
             self.solved.status[tried[alone]] = Status.LOW_ZNCC
             self.guess[self._led_outside()] = GuessSource.NONE  # perhaps by these
+
+    def _doubtful(self) -> BoolArray:
+        """Matches that leave more than the noise and are not that similar."""
+        zncc, residual, gain = (self.solved.column(name) for name in ("zncc", "residual_variance", "gain"))
+        noise = self._options.noise_grey**2 + (self._options.noise_both_grey**2 - self._options.noise_grey**2) / gain**2
+        return (residual > _CHANCE_NOISES**2 * noise) & (zncc < _CHANCE_ZNCC)
 
     def _challenge(self, index: IntArray) -> None:
         """Compare points with what the median of their neighbours lets expect; where it differs the better match stays.
