@@ -7,7 +7,21 @@ setup(
         Extension(
             "bscd.dic._icgn",
             sources=["bscd/dic/kernel/icgn.c"],
-            depends=[f"bscd/dic/kernel/{name}.h" for name in ("icgn", "lanes", "linear", "pixels")],
+            depends=[
+                f"bscd/dic/kernel/{name}.h"
+                for name in (
+                    "current",
+                    "icgn",
+                    "interpolation",
+                    "lanes",
+                    "linear",
+                    "pixels",
+                    "reference",
+                    "solve",
+                    "vectors",
+                    "warp",
+                )
+            ],
             extra_compile_args=[
                 "-std=gnu11",
                 "-O3",

@@ -11,6 +11,12 @@
 #include "linear.h"
 #include "pixels.h"
 
+typedef float v4 __attribute__((vector_size(16)));
+typedef int32_t v4i __attribute__((vector_size(16)));
+
+/* Which coordinates of a vector's lanes cross a pixel's border; steep: more than once. */
+enum { NONE_CROSSES = 0, X_CROSSES = 1, Y_CROSSES = 2, STEEP = 4 };
+
 #define LANES 4
 #define SUFFIX baseline
 #include "lanes.h"

@@ -7,40 +7,44 @@
 
 #define BSCD_MOST 12 /* parameters of the second-order shape function */
 
-/* Lower Cholesky factor of a symmetric n x n matrix; 0 when it is not positive definite (a pivot below 1e-9 of its
- * diagonal counts as zero). */
-static int cholesky(int n, double a[BSCD_MOST][BSCD_MOST], double l[BSCD_MOST][BSCD_MOST])
+/* Without square roots: a = L D L^T of a symmetric n x n matrix's lower half. l gets L below its diagonal, whose own
+ * elements are 1, and 1 / D on it. 0 when a is not positive definite (a pivot below 1e-9 of its diagonal counts as
+ * zero). */
+static inline __attribute__((always_inline)) int cholesky(const int n, double a[BSCD_MOST][BSCD_MOST],
+                                                          double l[BSCD_MOST][BSCD_MOST])
 {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
+    for (int i = 0; i < n; i++) {
+        double row[BSCD_MOST], pivot = a[i][i]; /* row: of L D */
+        for (int j = 0; j < i; j++) {
             double s = a[i][j];
-            for (int k = 0; k < j; k++) s -= l[i][k] * l[j][k];
-            if (i == j) {
-                if (!(s > 1e-9 * a[i][i])) return 0;
-                l[i][i] = sqrt(s);
-            } else
-                l[i][j] = s / l[j][j];
+            for (int k = 0; k < j; k++) s -= row[k] * l[j][k];
+            row[j] = s;
+            l[i][j] = s * l[j][j];
+            pivot -= s * l[i][j];
         }
+        if (!(pivot > 1e-9 * a[i][i])) return 0;
+        l[i][i] = 1 / pivot;
+    }
     return 1;
 }
 
-static void cholesky_solve(int n, double l[BSCD_MOST][BSCD_MOST], const double *b, double *x)
+static inline __attribute__((always_inline)) void cholesky_solve(const int n, double l[BSCD_MOST][BSCD_MOST],
+                                                                 const double *b, double *x)
 {
-    double y[BSCD_MOST];
     for (int i = 0; i < n; i++) {
         double s = b[i];
-        for (int k = 0; k < i; k++) s -= l[i][k] * y[k];
-        y[i] = s / l[i][i];
+        for (int k = 0; k < i; k++) s -= l[i][k] * x[k];
+        x[i] = s;
     }
     for (int i = n - 1; i >= 0; i--) {
-        double s = y[i];
+        double s = x[i] * l[i][i];
         for (int k = i + 1; k < n; k++) s -= l[k][i] * x[k];
-        x[i] = s / l[i][i];
+        x[i] = s;
     }
 }
 
 /* p becomes W(p) o W(d)^-1 (Baker and Matthews 2004, eq. 34), affine: u, ux, uy, v, vx, vy. */
-static int compose_affine(double *p, const double *d)
+static inline __attribute__((always_inline)) int compose_affine(double *p, const double *d)
 {
     const double a = 1 + d[1], b = d[2], c = d[4], e = 1 + d[5], det = a * e - b * c;
     if (!(fabs(det) > 1e-6)) return 0;

@@ -45,6 +45,10 @@ static const float quintic_halves[3][6] = {
     {841.f / 1920, -11.f / 48, 1.f / 24, -77.f / 192, 7.f / 24, -1.f / 12},
 };
 
+/* Weights of the taps 0, 1, 2 pixels from a whole pixel, and their derivatives behind it (minus those before it). */
+static const float cubic_whole[2] = {2.f / 3, 1.f / 6}, cubic_slopes[2] = {0.f, 1.f / 2};
+static const float quintic_whole[3] = {11.f / 20, 13.f / 60, 1.f / 120}, quintic_slopes[3] = {0.f, 5.f / 12, 1.f / 24};
+
 /* Weights of the spline's taps at a fraction t of a pixel, and their derivatives. */
 static void spline_weights(int taps, double t, float *w, float *slope)
 {
@@ -66,39 +70,45 @@ static void spline_weights(int taps, double t, float *w, float *slope)
     }
 }
 
-/* The Hessian without what the noise of the reference's gradients adds to it on average. */
-static void without_noise(const bscd_options *options, const double *point, int radius, int degree, double pixels,
-                          double hessian[BSCD_MOST][BSCD_MOST], double clean[BSCD_MOST][BSCD_MOST])
+/* The shape function's terms: factor x dx^a dy^b. */
+static const struct {
+    int a, b;
+    double factor;
+} terms[6] = {{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {2, 0, 0.5}, {1, 1, 1}, {0, 2, 0.5}};
+
+/* Where the moment of dx^a dy^b stands in a list of moments; terms are in the same order. */
+#define MOMENT(a, b) (((a) + (b)) * ((a) + (b) + 1) / 2 + (b))
+
+/* Where the term i of u (side 0) or v (side 1) stands in the Hessian: the displacement itself, i = 0, comes last. */
+static inline int slot(int half, int side, int i) { return i ? side * (half - 1) + i - 1 : 2 * (half - 1) + side; }
+
+static inline double noise_energy(const double *energy, double t)
 {
-    const int half = degree == 1 ? 3 : 6;
-    const double cx = cos(2 * M_PI * (point[0] - floor(point[0]))), cy = cos(2 * M_PI * (point[1] - floor(point[1])));
-    const double value_x = options->value_energy[0] + options->value_energy[1] * cx;
-    const double value_y = options->value_energy[0] + options->value_energy[1] * cy;
-    const double slope_x = options->derivative_energy[0] + options->derivative_energy[1] * cx;
-    const double slope_y = options->derivative_energy[0] + options->derivative_energy[1] * cy;
-    const double energy[2] = {options->noise_variance * slope_x * value_y, options->noise_variance * value_x * slope_y};
-    /* even moments of the full subset, a pixel */
-    double m2 = 0, m4 = 0;
-    for (int i = -radius; i <= radius; i++) m2 += (double)i * i, m4 += (double)i * i * i * i;
-    m2 /= 2 * radius + 1;
-    m4 /= 2 * radius + 1;
-    memcpy(clean, hessian, sizeof(double) * BSCD_MOST * BSCD_MOST);
-    for (int side = 0; side < 2; side++) {
-        const double e = energy[side] * pixels;
-        double(*h)[BSCD_MOST] = clean;
-        const int o = side * half;
-        h[o][o] -= e;
-        h[o + 1][o + 1] -= e * m2;
-        h[o + 2][o + 2] -= e * m2;
-        if (degree == 2) {
-            h[o + 3][o + 3] -= e * m4 / 4;
-            h[o + 5][o + 5] -= e * m4 / 4;
-            h[o + 4][o + 4] -= e * m2 * m2;
-            h[o][o + 3] -= e * m2 / 2, h[o + 3][o] -= e * m2 / 2;
-            h[o][o + 5] -= e * m2 / 2, h[o + 5][o] -= e * m2 / 2;
-            h[o + 3][o + 5] -= e * m2 * m2 / 4, h[o + 5][o + 3] -= e * m2 * m2 / 4;
-        }
-    }
+    return energy[0] + energy[1] * (t == 0 ? 1 : cos(2 * M_PI * t));
+}
+
+/* Take off the Hessian's lower half what the noise of the reference's gradients adds to it on average. */
+static void take_noise_off(const bscd_options *options, const double *point, int radius, int degree, double pixels,
+                           double hessian[BSCD_MOST][BSCD_MOST])
+{
+    const int half = MOMENT(0, degree) + 1;
+    const double tx = point[0] - (int64_t)point[0], ty = point[1] - (int64_t)point[1];
+    const double scale = options->noise_variance * pixels;
+    const double energy[2] = {
+        scale * noise_energy(options->derivative_energy, tx) * noise_energy(options->value_energy, ty),
+        scale * noise_energy(options->value_energy, tx) * noise_energy(options->derivative_energy, ty),
+    };
+    /* even moments of the full subset, a pixel: sums of i^2 and i^4 over -r..r, over 2 r + 1 */
+    const double r = radius, m2 = r * (r + 1) / 3, m4 = m2 * (3 * r * r + 3 * r - 1) / 5;
+    const double even[3] = {1, m2, m4};
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < half; i++)
+            for (int k = 0; k < half; k++) {
+                const int row = slot(half, side, i), column = slot(half, side, k);
+                const int a = terms[i].a + terms[k].a, b = terms[i].b + terms[k].b;
+                if (column > row || a % 2 || b % 2) continue;
+                hessian[row][column] -= energy[side] * terms[i].factor * terms[k].factor * even[a / 2] * even[b / 2];
+            }
 }
 
 #endif

@@ -1,0 +1,171 @@
+/* One point, and all points. Included by lanes.h. */
+
+INLINE double NAME(displacement_norm)(const int degree, const double *d, double r)
+{
+    const double *q = d + (degree == 1 ? 3 : 6);
+    double n = d[0] * d[0] + q[0] * q[0] + r * r * (d[1] * d[1] + d[2] * d[2] + q[1] * q[1] + q[2] * q[2]);
+    if (degree == 2) {
+        const double r4 = r * r * r * r;
+        n += r4 * (d[3] * d[3] / 4 + d[4] * d[4] + d[5] * d[5] / 4 + q[3] * q[3] / 4 + q[4] * q[4] + q[5] * q[5] / 4);
+    }
+    return sqrt(n);
+}
+
+/* Covariance of (u, v) for a noise variance of 1, without what the noise of the reference's gradients adds to the
+ * Hessian on average; 0 when nothing is left. u and v are the last of the Hessian's order, so that its factor's last
+ * corner is that of their own part. */
+static __attribute__((noinline)) int NAME(covariance)(const int degree, const bscd_options *options,
+                                                      const double *point, int radius, statistics *about,
+                                                      double *found)
+{
+    const int n = 2 * (MOMENT(0, degree) + 1);
+    if (options->noise_variance > 0) {
+        take_noise_off(options, point, radius, degree, about->pixels, about->hessian);
+        if (!cholesky(n, about->hessian, about->factor)) return 0;
+    }
+    const double var_v = about->factor[n - 1][n - 1], coupling = about->factor[n - 1][n - 2];
+    found[BSCD_VAR_V] = var_v;
+    found[BSCD_COV_UV] = -coupling * var_v;
+    found[BSCD_VAR_U] = about->factor[n - 2][n - 2] + coupling * coupling * var_v;
+    return 1;
+}
+
+/* Solve one point; its status. */
+INLINE int NAME(solve)(const int taps, const int degree, subset *s, const bscd_image *reference,
+                       const bscd_image *current, const bscd_options *options, const double *point, double *p,
+                       double *found, int32_t *iterations)
+{
+    const int half = degree == 1 ? 3 : 6;
+    const double r = s->radius, right = s->vectors * LANES - 1 - s->radius, start[2] = {p[0], p[half]};
+    statistics about;
+    for (int i = 0; i < BSCD_FOUND; i++) found[i] = NAN;
+    *iterations = 0;
+    if (!pixel_usable(reference, point[0], point[1])) return BSCD_OUTSIDE;
+    const int allowed = NAME(take_subset)(taps, s, reference, point[0], point[1]);
+    if (allowed < options->min_pixels) return BSCD_OUTSIDE;
+    int described = 0, partial = 0, status = BSCD_NOT_CONVERGED;
+    while (*iterations < options->max_iterations) {
+        const double x = point[0] + p[0], y = point[1] + p[half];
+        if (!pixel_usable(current, x, y)) return BSCD_OUTSIDE;
+        double reach_x, reach_y, lanes_x, lanes_y;
+        NAME(extent)(degree, p, r, r, &reach_x, &reach_y);
+        NAME(extent)(degree, p, right, r, &lanes_x, &lanes_y);
+        if (!(reach_x < 8 * r + 8 && reach_y < 8 * r + 8)) return BSCD_DIVERGED;
+        const double room = current->pad - taps;
+        const int whole = !current->mask && x - reach_x >= 0 && x + reach_x <= current->width - 1 && y - reach_y >= 0
+                          && y + reach_y <= current->height - 1;
+        const int clamped = x - lanes_x < -room || x + lanes_x > current->width - 1 + room || y - lanes_y < -room
+                            || y + lanes_y > current->height - 1 + room;
+        NAME(warp_subset)(degree, &s->warp, x, y, p, p + half);
+        /* which pixels take part is settled in the first iterations, so that it can not keep the rest from converging */
+        if ((!whole || partial) && *iterations < 4) {
+            partial = 1;
+            described = 0;
+            if (NAME(usable_now)(degree, s, current, p, p + half) < options->min_pixels) return BSCD_OUTSIDE;
+        }
+        if (!described) {
+            if (!NAME(describe)(degree, s, &about)) return BSCD_LOW_TEXTURE;
+            described = 1;
+        }
+        sums_t now;
+        if (clamped)
+            NAME(take_current)(taps, degree, 1, s, current, p, p + half);
+        else
+            NAME(take_current)(taps, degree, 0, s, current, p, p + half);
+        NAME(compare)(degree, s, &now);
+        ++*iterations;
+        const double mean = now.g / about.pixels, norm2 = now.gg - now.g * mean;
+        if (!(norm2 > 1e-6 * about.pixels)) return BSCD_LOW_TEXTURE;
+        const double gain = sqrt(norm2 / about.norm2), per_gain = 1 / gain;
+        double b[BSCD_MOST], step[BSCD_MOST], d[BSCD_MOST];
+        for (int i = 0; i < 2 * half; i++) b[i] = (now.sdg[i] - mean * about.sd[i]) * per_gain - about.sdf[i];
+        cholesky_solve(2 * half, about.factor, b, step);
+        for (int i = 0; i < 2 * half; i++) d[i] = step[slot(half, i / half, i % half)];
+        found[BSCD_ZNCC] = (now.fg - now.g * about.mean) / (about.norm2 * gain);
+        found[BSCD_GAIN] = gain;
+        found[BSCD_NORM] = NAME(displacement_norm)(degree, d, r);
+        if (!(found[BSCD_NORM] < 4 * r + 4)) return BSCD_DIVERGED;
+        if (!(degree == 1 ? compose_affine(p, d) : compose_quadratic(p, d))) return BSCD_DIVERGED;
+        const double off_x = p[0] - start[0], off_y = p[half] - start[1];
+        if (!(off_x * off_x + off_y * off_y < options->reach_px * options->reach_px)) return BSCD_DIVERGED;
+        if (found[BSCD_NORM] < options->tolerance_px) {
+            status = BSCD_VALID;
+            break;
+        }
+    }
+    if (!described) return BSCD_NOT_CONVERGED; /* no iteration was allowed */
+    found[BSCD_PIXELS] = about.pixels;
+    const double spare = about.pixels - 2 * half - 2;
+    found[BSCD_RESIDUAL] = 2 * about.norm2 * (1 - found[BSCD_ZNCC]) / (spare > 1 ? spare : 1);
+    if (!NAME(covariance)(degree, options, point, s->radius, &about, found)) return BSCD_LOW_TEXTURE;
+    if (!(found[BSCD_VAR_U] < options->variance_max && found[BSCD_VAR_V] < options->variance_max))
+        return BSCD_LOW_TEXTURE;
+    if (status == BSCD_VALID && !(found[BSCD_ZNCC] >= options->zncc_min)) return BSCD_LOW_ZNCC;
+    return status;
+}
+
+static void NAME(solve_all)(const int taps, const int degree, subset *s, const bscd_image *reference,
+                            const bscd_image *current, const bscd_options *options, int64_t count, const double *points,
+                            double *shape, double *found, int32_t *status, int32_t *iterations)
+{
+    const int n = options->parameters;
+#define EACH(taps_, degree_)                                                                                           \
+    for (int64_t i = 0; i < count; i++)                                                                                \
+        status[i] = NAME(solve)(taps_, degree_, s, reference, current, options, points + 2 * i, shape + n * i,         \
+                                found + BSCD_FOUND * i, iterations + i)
+    if (taps == 4 && degree == 1)
+        EACH(4, 1);
+    else if (taps == 4)
+        EACH(4, 2);
+    else if (degree == 1)
+        EACH(6, 1);
+    else
+        EACH(6, 2);
+#undef EACH
+}
+
+int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, const bscd_options *options, int64_t count,
+                    const double *points, double *shape, double *found, int32_t *status, int32_t *iterations)
+{
+    subset s;
+    s.radius = options->radius;
+    s.size = 2 * s.radius + 1;
+    s.vectors = (s.size + LANES - 1) / LANES;
+    s.degree = options->parameters == 6 ? 1 : 2;
+    const size_t width = (size_t)s.vectors * LANES, cells = s.size * width, rows = (s.size + 5) * width;
+    const size_t vectors = ((size_t)s.size * s.vectors + LANES - 1) / LANES * LANES;
+    float *memory = NULL;
+    if (posix_memalign((void **)&memory, 64, sizeof(float) * (7 * cells + 2 * rows + width + 9 * vectors))) return 1;
+    s.f = memory;
+    s.gx = s.f + cells;
+    s.gy = s.gx + cells;
+    s.g = s.gy + cells;
+    s.own = s.g + cells;
+    s.both = s.own + cells;
+    float *full = s.both + cells;
+    for (size_t i = 0; i < cells; i++) full[i] = i % width < (size_t)s.size;
+    s.full = full;
+    s.value = full + cells;
+    s.slope = s.value + rows;
+    s.dx = s.slope + rows;
+    for (size_t i = 0; i < width; i++) s.dx[i] = (float)i - s.radius;
+    warp_t *w = &s.warp;
+    w->vectors = (int)vectors;
+    w->dx = s.dx + width;
+    w->dy = w->dx + vectors;
+    w->x.s = w->dy + vectors;
+    w->y.s = w->x.s + vectors;
+    w->x.slope = w->y.s + vectors;
+    w->y.slope = w->x.slope + vectors;
+    w->x.pixel = (int32_t *)(w->y.slope + vectors);
+    w->y.pixel = w->x.pixel + vectors;
+    w->kind = w->y.pixel + vectors;
+    for (int i = 0; i < w->vectors; i++) {
+        w->dx[i] = (float)(i % s.vectors * LANES - s.radius);
+        w->dy[i] = (float)(i / s.vectors - s.radius);
+    }
+    NAME(solve_all)(reference->taps, s.degree, &s, reference, current, options, count, points, shape, found, status,
+                    iterations);
+    free(memory);
+    return 0;
+}
