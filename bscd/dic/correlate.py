@@ -149,9 +149,10 @@ def _noise(given: float | tuple[float, float] | None, *images: PreparedImage) ->
     if given is None:
         first, second = (_estimated(image) for image in images)
     else:
-        first, second = (given, given) if isinstance(given, (int, float)) else given
+        both = _numbers(given, "noise_grey").ravel()
+        first, second = both if both.size == 2 else (*both, *both) if both.size == 1 else (math.nan, math.nan)
     if not all(math.isfinite(value) and value >= 0.0 for value in (first, second)):
-        raise InputError(f"noise_grey: {given} is no standard deviation; give grey levels of 0 or more")
+        raise InputError(f"noise_grey: {given} is no standard deviation; give one or two, grey levels of 0 or more")
     return float(first), float(second)
 
 
@@ -165,19 +166,29 @@ def _estimated(image: PreparedImage) -> float:
 
 
 def _checked_points(points_px: FloatArray) -> FloatArray:
-    points = np.asarray(points_px)
+    points = _numbers(points_px, "points_px")
     if points.size == 0:
         return np.zeros((0, 2))
-    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "uif":
-        raise InputError(f"points_px: numbers of shape (N, 2) are needed, (column, row); not {points.shape}")
-    return np.ascontiguousarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise InputError(f"points_px: the shape (N, 2) is needed, (column, row); not {points.shape}")
+    return points
+
+
+def _numbers(given: object, name: str) -> FloatArray:
+    try:
+        values = np.asarray(given)
+        if values.dtype.kind in "uif" or not values.size:
+            return np.ascontiguousarray(values, np.float64)
+    except ValueError:
+        pass
+    raise InputError(f"{name}: holds something that is no real number, or rows of several lengths; give an array")
 
 
 def _checked_guess(guess_px: FloatArray | None, count: int, shape: ShapeName) -> FloatArray | None:
     """Shape parameters ``(N, 6 or 12)`` of a guess in any of its forms."""
     if guess_px is None:
         return None
-    given = np.asarray(guess_px, np.float64)
+    given = _numbers(guess_px, "guess_px")
     if given.ndim != 2 or given.shape[0] != count or given.shape[1] not in (2, 6, 12):
         raise InputError(f"guess_px: its shape is {given.shape}; ({count}, 2), ({count}, 6) or ({count}, 12) is needed")
     whole = np.zeros((count, PARAMETERS[shape]))
@@ -206,7 +217,7 @@ def _check_settings(
         raise InputError(f"zncc_min: is {zncc_min}, a number from -1 to below 1 is needed")
     if not 0.0 < tolerance_px < 1.0:
         raise InputError(f"tolerance_px: is {tolerance_px}, a number above 0 and below 1 is needed")
-    if max_iterations < 1:
-        raise InputError(f"max_iterations: is {max_iterations}, at least 1 is needed")
+    if not isinstance(max_iterations, (int, np.integer)) or not 1 <= max_iterations < 2**31:
+        raise InputError(f"max_iterations: is {max_iterations}, a whole number from 1 is needed")
     if threads is not None and threads < 1:
         raise InputError(f"threads: is {threads}, at least 1 is needed, or None for all cores")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,9 @@ from bscd.errors import InputError
 
 #: Room around an image beyond the subset's radius: the kernel's vectors and the spline's taps.
 _MARGIN_PX = 24
+
+#: Sums of squares over a subset stay below what single precision holds.
+_LARGEST_GREY = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,10 @@ def prepare(
     used = checked_mask(mask, grey.shape, f"mask of the {name}")
     if used is not None and not used.any():
         raise InputError(f"mask of the {name}: it leaves no pixel to use; True is where pixels may be used")
+    if interpolation not in get_args(SplineName):
+        raise InputError(f"interpolation: {interpolation!r} is none; {' or '.join(get_args(SplineName))} is needed")
+    if grey.dtype == np.float32 and max(map(abs, cv2.minMaxLoc(grey)[:2])) > _LARGEST_GREY:
+        raise InputError(f"{name}: grey levels beyond {_LARGEST_GREY:.0e} leave no room for their squares; scale them")
     if subset_px > min(grey.shape):
         raise InputError(f"subset_px: {subset_px} is larger than the {name}, {grey.shape[1]} x {grey.shape[0]} px")
     pad = subset_px // 2 + _MARGIN_PX

@@ -235,7 +235,10 @@ class Matching:
 
     def _open(self) -> BoolArray:
         """Points without a match that another guess might still give one."""
-        settled = np.isin(self.solved.status, _FINAL) | self._hopeless
+        # without texture in the current image the guess was wrong: a step was tried, but led nowhere
+        lured = (self.solved.status == Status.LOW_TEXTURE) & np.isnan(self.solved.column("var_u"))
+        lured &= self.solved.iterations > 0
+        settled = (np.isin(self.solved.status, _FINAL) & ~lured) | self._hopeless
         return ~settled & ~self._led_outside()
 
     def _led_outside(self) -> BoolArray:
