@@ -54,7 +54,8 @@ def correlate(
     find_guesses
         False: nothing but the given guesses and what propagates from them.
     shape
-        "affine" (6 parameters) or "quadratic" (12, for steep gradients; about twice the noise).
+        "affine" (6 parameters), "quadratic" (12, for steep gradients; about twice the noise) or "translation" (2,
+        for gradients below about 0.01; a tenth less noise; gradients of a given guess ``(N, 6)`` are held).
     reference_mask, current_mask
         ``(H, W)``, True where pixels may be used.
     noise_grey
@@ -185,7 +186,7 @@ def _numbers(given: object, name: str) -> FloatArray:
 
 
 def _checked_guess(guess_px: FloatArray | None, count: int, shape: ShapeName) -> FloatArray | None:
-    """Shape parameters ``(N, 6 or 12)`` of a guess in any of its forms."""
+    """Shape parameters ``(N, P)`` of a guess in any of its forms."""
     if guess_px is None:
         return None
     given = _numbers(guess_px, "guess_px")
@@ -209,7 +210,7 @@ def _check_settings(
     shape: str,
 ) -> None:
     if shape not in PARAMETERS:
-        raise InputError(f"shape: {shape!r} is no shape function; {' or '.join(PARAMETERS)} is needed")
+        raise InputError(f"shape: {shape!r} is no shape function; {', '.join(PARAMETERS)} are known")
     for name, value in (("subset_px", subset_px), ("search_px", search_px)):
         if not isinstance(value, (int, np.integer)) or value < 5 or value % 2 == 0:
             raise InputError(f"{name}: is {value}, an odd number of pixels from 5 is needed")

@@ -50,7 +50,7 @@ class Correlation:
 
     ``displacement_px`` ``(N, 2)`` (column, row) and ``sigma_px`` ``(N, 2)`` its standard uncertainty,
     ``covariance_px2`` ``(N, 2, 2)`` the same with the correlation of the two; ``gradient`` ``(N, 2, 2)``:
-    d displacement[i] / d position[j]; ``shape`` ``(N, 6)`` or ``(N, 12)`` all parameters of the shape function
+    d displacement[i] / d position[j]; ``shape`` ``(N, P)`` all parameters of the shape function
     (u, ux, uy, v, vx, vy, or u, ux, uy, uxx, uxy, uyy and those of v). ``zncc``, ``residual_grey`` (standard
     deviation of the difference that remains, a pixel), ``pixels`` (of the subset that took part) ``(N,)``;
     ``iterations``, ``status`` (`Status`) and ``guess`` (`GuessSource`) ``(N,)``. All is NaN where a point is not

@@ -247,6 +247,8 @@ class Matching:
 
     def _widened(self, affine: FloatArray) -> FloatArray:
         """Affine guesses ``(N, 6)`` as parameters of the shape function."""
+        if self._options.shape == "translation":
+            return affine * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
         if self._parameters == affine.shape[1]:
             return affine
         whole = np.zeros((len(affine), self._parameters))

@@ -17,10 +17,13 @@ from bscd.dic.images import PreparedImage
 from bscd.dic.library import FOUND_COLUMNS, ImageStruct, InstructionSet, OptionsStruct, library
 from bscd.dic.spline import noise_energy, taps
 
-ShapeName = Literal["affine", "quadratic"]
+ShapeName = Literal["translation", "affine", "quadratic"]
 
-PARAMETERS: dict[ShapeName, int] = {"affine": 6, "quadratic": 12}
-"""Parameters of the shape functions; those of u first, then those of v."""
+PARAMETERS: dict[ShapeName, int] = {"translation": 6, "affine": 6, "quadratic": 12}
+"""Parameters of the shape functions; those of u first, then those of v. A translation's gradients are held."""
+
+SOLVED: dict[ShapeName, int] = {"translation": 2, "affine": 6, "quadratic": 12}
+"""Those of them that are solved for."""
 
 #: Points that a thread takes at a time; results do not depend on it.
 _CHUNK = 512
@@ -80,7 +83,7 @@ def solve(
     threads: int | None = None,
     instructions: InstructionSet = InstructionSet.BEST,
 ) -> Solved:
-    """Solve points ``(N, 2)`` (column, row) from the shape parameters ``(N, 6 or 12)`` of their guesses.
+    """Solve points ``(N, 2)`` (column, row) from the shape parameters ``(N, P)`` of their guesses.
 
     ``threads`` None takes all cores that the process may use; the GIL is released. Results do not depend on it.
     """
@@ -162,6 +165,7 @@ def _options_struct(options: SolverOptions, reference: PreparedImage) -> Options
     return OptionsStruct(
         radius=options.subset_px // 2,
         parameters=parameters,
+        solved=SOLVED[options.shape],
         max_iterations=options.max_iterations,
         min_pixels=max(int(np.ceil(options.least_share * options.subset_px**2)), parameters + 3),
         tolerance_px=options.tolerance_px,

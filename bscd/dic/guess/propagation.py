@@ -35,7 +35,7 @@ def nearest_known(
 
 
 def extrapolate(shape: FloatArray, offset_px: FloatArray) -> FloatArray:
-    """Shape parameters ``(N, 6)`` or ``(N, 12)`` of points at an offset ``(N, 2)`` from those whose they are."""
+    """Shape parameters ``(N, 6 or 12)`` of points at an offset ``(N, 2)`` from those whose they are."""
     moved = shape.copy()
     dx, dy = offset_px[:, 0], offset_px[:, 1]
     half = shape.shape[1] // 2

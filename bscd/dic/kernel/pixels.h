@@ -87,13 +87,13 @@ static inline double noise_energy(const double *energy, double t)
     return energy[0] + energy[1] * (t == 0 ? 1 : cos(2 * M_PI * t));
 }
 
-/* Take off the Hessian's lower half what the noise of the reference's gradients adds to it on average. */
-static void take_noise_off(const bscd_options *options, const double *point, int radius, int degree, double pixels,
+/* Take off the Hessian's lower half a share of what the noise of the reference's gradients adds to it on average. */
+static void take_noise_off(const bscd_options *options, double share, const double *point, int radius, int degree, double pixels,
                            double hessian[BSCD_MOST][BSCD_MOST])
 {
     const int half = MOMENT(0, degree) + 1;
     const double tx = point[0] - (int64_t)point[0], ty = point[1] - (int64_t)point[1];
-    const double scale = options->noise_variance * pixels;
+    const double scale = share * options->noise_variance * pixels;
     const double energy[2] = {
         scale * noise_energy(options->derivative_energy, tx) * noise_energy(options->value_energy, ty),
         scale * noise_energy(options->value_energy, tx) * noise_energy(options->derivative_energy, ty),

@@ -3,7 +3,7 @@
 
 /* One point's subset. Rows are padded to whole vectors; m is 0 there. */
 typedef struct {
-    int radius, size, vectors, degree; /* degree 1 affine, 2 second order */
+    int radius, size, vectors;
     float offset;                      /* taken off all grey levels, so that sums keep their digits */
     float *f, *gx, *gy, *g;            /* (size, vectors * LANES): values less offset, gradients, current values */
     const float *full, *m, *whole;     /* the same: 1 in the subset, 0 in the padding; use now; use by the reference */

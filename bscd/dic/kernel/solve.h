@@ -20,8 +20,14 @@ static __attribute__((noinline)) int NAME(covariance)(const int degree, const bs
 {
     const int n = 2 * (MOMENT(0, degree) + 1);
     if (options->noise_variance > 0) {
-        take_noise_off(options, point, radius, degree, about->pixels, about->hessian);
-        if (!cholesky(n, about->hessian, about->factor)) return 0;
+        /* where noise seems to be all there is, a likeness this high shows that it is not: then less is taken off */
+        const double shares[4] = {1, -0.5, -0.25, -0.25};
+        int tried = 0, factored = 0;
+        while (!factored && tried < (found[BSCD_ZNCC] > 0.5 ? 4 : 1)) {
+            take_noise_off(options, shares[tried++], point, radius, degree, about->pixels, about->hessian);
+            factored = cholesky(n, about->hessian, about->factor);
+        }
+        if (!factored) return 0;
     }
     const double var_v = about->factor[n - 1][n - 1], coupling = about->factor[n - 1][n - 2];
     found[BSCD_VAR_V] = var_v;
@@ -30,12 +36,13 @@ static __attribute__((noinline)) int NAME(covariance)(const int degree, const bs
     return 1;
 }
 
-/* Solve one point; its status. */
-INLINE int NAME(solve)(const int taps, const int degree, subset *s, const bscd_image *reference,
+/* Solve one point; its status. The warp is of this degree; of its parameters those up to the degree `solved` are solved
+ * for, the others keep what the guess gave them. */
+INLINE int NAME(solve)(const int taps, const int degree, const int solved, subset *s, const bscd_image *reference,
                        const bscd_image *current, const bscd_options *options, const double *point, double *p,
                        double *found, int32_t *iterations)
 {
-    const int half = degree == 1 ? 3 : 6;
+    const int half = MOMENT(0, degree) + 1, parts = MOMENT(0, solved) + 1;
     const double r = s->radius, right = s->vectors * LANES - 1 - s->radius, start[2] = {p[0], p[half]};
     statistics about;
     for (int i = 0; i < BSCD_FOUND; i++) found[i] = NAN;
@@ -64,7 +71,7 @@ INLINE int NAME(solve)(const int taps, const int degree, subset *s, const bscd_i
             if (NAME(usable_now)(degree, s, current, p, p + half) < options->min_pixels) return BSCD_OUTSIDE;
         }
         if (!described) {
-            if (!NAME(describe)(degree, s, &about)) return BSCD_LOW_TEXTURE;
+            if (!NAME(describe)(solved, s, &about)) return BSCD_LOW_TEXTURE;
             described = 1;
         }
         sums_t now;
@@ -72,15 +79,15 @@ INLINE int NAME(solve)(const int taps, const int degree, subset *s, const bscd_i
             NAME(take_current)(taps, degree, 1, s, current, p, p + half);
         else
             NAME(take_current)(taps, degree, 0, s, current, p, p + half);
-        NAME(compare)(degree, s, &now);
+        NAME(compare)(solved, s, &now);
         ++*iterations;
         const double mean = now.g / about.pixels, norm2 = now.gg - now.g * mean;
         if (!(norm2 > 1e-6 * about.pixels)) return BSCD_LOW_TEXTURE;
         const double gain = sqrt(norm2 / about.norm2), per_gain = 1 / gain;
-        double b[BSCD_MOST], step[BSCD_MOST], d[BSCD_MOST];
-        for (int i = 0; i < 2 * half; i++) b[i] = (now.sdg[i] - mean * about.sd[i]) * per_gain - about.sdf[i];
-        cholesky_solve(2 * half, about.factor, b, step);
-        for (int i = 0; i < 2 * half; i++) d[i] = step[slot(half, i / half, i % half)];
+        double b[BSCD_MOST], step[BSCD_MOST], d[BSCD_MOST] = {0};
+        for (int i = 0; i < 2 * parts; i++) b[i] = (now.sdg[i] - mean * about.sd[i]) * per_gain - about.sdf[i];
+        cholesky_solve(2 * parts, about.factor, b, step);
+        for (int i = 0; i < 2 * parts; i++) d[i / parts * half + i % parts] = step[slot(parts, i / parts, i % parts)];
         found[BSCD_ZNCC] = (now.fg - now.g * about.mean) / (about.norm2 * gain);
         found[BSCD_GAIN] = gain;
         found[BSCD_NORM] = NAME(displacement_norm)(degree, d, r);
@@ -95,32 +102,36 @@ INLINE int NAME(solve)(const int taps, const int degree, subset *s, const bscd_i
     }
     if (!described) return BSCD_NOT_CONVERGED; /* no iteration was allowed */
     found[BSCD_PIXELS] = about.pixels;
-    const double spare = about.pixels - 2 * half - 2;
+    const double spare = about.pixels - 2 * parts - 2;
     found[BSCD_RESIDUAL] = 2 * about.norm2 * (1 - found[BSCD_ZNCC]) / (spare > 1 ? spare : 1);
-    if (!NAME(covariance)(degree, options, point, s->radius, &about, found)) return BSCD_LOW_TEXTURE;
+    if (!NAME(covariance)(solved, options, point, s->radius, &about, found)) return BSCD_LOW_TEXTURE;
     if (!(found[BSCD_VAR_U] < options->variance_max && found[BSCD_VAR_V] < options->variance_max))
         return BSCD_LOW_TEXTURE;
     if (status == BSCD_VALID && !(found[BSCD_ZNCC] >= options->zncc_min)) return BSCD_LOW_ZNCC;
     return status;
 }
 
-static void NAME(solve_all)(const int taps, const int degree, subset *s, const bscd_image *reference,
+static void NAME(solve_all)(const int taps, subset *s, const bscd_image *reference,
                             const bscd_image *current, const bscd_options *options, int64_t count, const double *points,
                             double *shape, double *found, int32_t *status, int32_t *iterations)
 {
     const int n = options->parameters;
-#define EACH(taps_, degree_)                                                                                           \
+#define EACH(taps_, degree_, solved_)                                                                                  \
     for (int64_t i = 0; i < count; i++)                                                                                \
-        status[i] = NAME(solve)(taps_, degree_, s, reference, current, options, points + 2 * i, shape + n * i,         \
-                                found + BSCD_FOUND * i, iterations + i)
-    if (taps == 4 && degree == 1)
-        EACH(4, 1);
+        status[i] = NAME(solve)(taps_, degree_, solved_, s, reference, current, options, points + 2 * i,               \
+                                shape + n * i, found + BSCD_FOUND * i, iterations + i)
+    if (taps == 4 && n == 6 && options->solved == 2)
+        EACH(4, 1, 0);
+    else if (taps == 4 && n == 6)
+        EACH(4, 1, 1);
     else if (taps == 4)
-        EACH(4, 2);
-    else if (degree == 1)
-        EACH(6, 1);
+        EACH(4, 2, 2);
+    else if (n == 6 && options->solved == 2)
+        EACH(6, 1, 0);
+    else if (n == 6)
+        EACH(6, 1, 1);
     else
-        EACH(6, 2);
+        EACH(6, 2, 2);
 #undef EACH
 }
 
@@ -131,7 +142,6 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
     s.radius = options->radius;
     s.size = 2 * s.radius + 1;
     s.vectors = (s.size + LANES - 1) / LANES;
-    s.degree = options->parameters == 6 ? 1 : 2;
     const size_t width = (size_t)s.vectors * LANES, cells = s.size * width, rows = (s.size + 5) * width;
     const size_t vectors = ((size_t)s.size * s.vectors + LANES - 1) / LANES * LANES;
     float *memory = NULL;
@@ -164,7 +174,7 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
         w->dx[i] = (float)(i % s.vectors * LANES - s.radius);
         w->dy[i] = (float)(i / s.vectors - s.radius);
     }
-    NAME(solve_all)(reference->taps, s.degree, &s, reference, current, options, count, points, shape, found, status,
+    NAME(solve_all)(reference->taps, &s, reference, current, options, count, points, shape, found, status,
                     iterations);
     free(memory);
     return 0;

@@ -1,0 +1,185 @@
+"""The membrane inflated on the twin to 16 kPa (DESIGN section 3, step 6), held against the twin's truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from bscd.acquisition import RunFile
+from bscd.arrays import BoolArray, FloatArray
+from bscd.calibration import Calibration
+from bscd.procedures.measuring import Measurement, MeasureSettings, measure_run
+from bscd.results import FrameResult
+from tests.procedures.measuring.twin_runs import PRESSURES_KPA, REST_KPA, TwinRuns, write
+
+STRAIN_INSIDE_MM = 12.0  # the window's 15 mm less half a VSG of 6 mm
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    measurement: Measurement
+    frames: list[FrameResult]
+    speckled: BoolArray
+    material_mm: FloatArray
+    truth_mm: list[FloatArray]
+    sigma_mm: list[FloatArray]
+    """Of the displacements."""
+
+    def known(self, k: int) -> BoolArray:
+        return self.frames[k].valid & self.speckled
+
+    def error_uvw(self, k: int) -> FloatArray:
+        axes = self.measurement.frame.axes
+        truth = (self.truth_mm[k] - self.truth_mm[0]) @ axes.T
+        return (self.frames[k].uvw_mm - truth)[self.known(k)]
+
+
+def follow(calibration: Calibration, twin_runs: TwinRuns, path, states=None, **settings) -> Measured:
+    """Measure a run; its states, by default, are those of its pressures."""
+    with RunFile(path) as run:
+        measurement = measure_run(calibration, run, MeasureSettings(**settings))
+        sigma, sequence = [], measurement.sequence
+        measure = sequence.measure
+
+        def keep_sigma(views):
+            found = measure(views)
+            sigma.append(found.displacement_sigma_mm)
+            return found
+
+        sequence.measure = keep_sigma
+        frames = list(measurement.frames)
+    states = states or [twin_runs.inflated(frame.pressure_kpa) for frame in frames]
+    material, speckled = twin_runs.material(sequence.points_px, states[0])
+    truth = [twin_runs.world.surface_positions(material, state) for state in states]
+    return Measured(measurement, frames, speckled, material, truth, sigma)
+
+
+@pytest.fixture(scope="module")
+def inflated(wide: Calibration, twin_runs: TwinRuns, inflation_run) -> Measured:
+    return follow(wide, twin_runs, inflation_run)
+
+
+def rms(values: FloatArray) -> FloatArray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def test_the_frames_before_the_ramp_are_the_reference(inflated: Measured):
+    assert inflated.measurement.header.reference_frames == (0, 1, 2)
+    assert [frame.number for frame in inflated.frames] == list(range(len(PRESSURES_KPA)))
+    assert np.allclose([frame.pressure_kpa for frame in inflated.frames], PRESSURES_KPA)
+    assert np.allclose([frame.time_s for frame in inflated.frames], np.arange(len(PRESSURES_KPA)) / 11)
+
+
+def test_displacements_in_the_membrane_frame(inflated: Measured):
+    assert np.nanmax(inflated.frames[-1].uvw_mm[:, 2]) > 5.7
+    for k in range(len(inflated.frames)):
+        u, v, w = rms(inflated.error_uvw(k))
+        assert w <= 0.012
+        assert u <= 0.005
+        assert v <= 0.005
+
+
+def test_points_that_stay_visible_are_kept(inflated: Measured, wide: Calibration):
+    visible = inflated.speckled & inflated.measurement.sequence.reference.valid
+    for frame, truth in zip(inflated.frames, inflated.truth_mm, strict=True):
+        staying = visible & wide.hull.contains(truth)
+        assert staying.sum() > 2000
+        assert frame.valid[staying].mean() >= 0.98
+
+
+def test_the_membrane_frame_faces_the_camera(inflated: Measured):
+    frame = inflated.measurement.frame
+    assert frame.axes[2] @ [0.0, -1.0, 0.0] > 0.99
+    assert np.allclose(frame.axes @ frame.axes.T, np.eye(3), atol=1e-12)
+
+
+def test_what_is_valid_is_known_and_what_is_not_is_nan(inflated: Measured):
+    for frame in inflated.frames:
+        for name in ("xyz_mm", "displacement_mm", "uvw_mm", "sigma_mm", "left_px", "right_px"):
+            values = getattr(frame, name)
+            assert np.isfinite(values[frame.valid]).all(), name
+        assert np.isnan(frame.xyz_mm[~frame.valid]).all()
+
+
+def test_strain(inflated: Measured, twin_runs: TwinRuns):
+    assert inflated.measurement.header.parameters["vsg_mm"] <= 6.0
+    rest = twin_runs.inflated(REST_KPA)
+    inside = np.hypot(*inflated.material_mm.T) < STRAIN_INSIDE_MM
+    for frame in inflated.frames:
+        truth = twin_runs.principal_strain(inflated.material_mm, rest, twin_runs.inflated(frame.pressure_kpa))
+        error = (frame.principal - truth)[inside & frame.valid & np.isfinite(frame.principal).all(axis=1)]
+        assert len(error) > 1200
+        assert rms(error).max() <= 1e-3
+    assert truth.max() > 0.12
+
+
+def test_strain_at_step_5(wide: Calibration, twin_runs: TwinRuns, inflation_run):
+    region = np.zeros((1024, 1280), bool)
+    region[400:620, 200:440] = True  # in the middle of the left view
+    fine = follow(wide, twin_runs, inflation_run, step_px=5, region=region)
+    assert fine.measurement.header.parameters["vsg_mm"] <= 6.0
+    rest = twin_runs.inflated(REST_KPA)
+    px = fine.measurement.sequence.points_px
+    half = fine.measurement.header.parameters["vsg_px"] / 2.0
+    inside = ((px > [200 + half, 400 + half]) & (px < [440 - half, 620 - half])).all(axis=1)
+    for frame in fine.frames[3::4]:
+        truth = twin_runs.principal_strain(fine.material_mm, rest, twin_runs.inflated(frame.pressure_kpa))
+        error = (frame.principal - truth)[inside & frame.valid]
+        assert len(error) > 200
+        assert np.isfinite(error).all()
+        assert rms(error).max() <= 1e-3
+
+
+def coverage(measured: Measured, k: int) -> FloatArray:
+    """The share of displacement errors within one sigma, in world x, y, z."""
+    known = measured.known(k)
+    truth = measured.truth_mm[k] - measured.truth_mm[0]
+    error = np.abs(measured.frames[k].displacement_mm - truth)[known]
+    return np.mean(error < measured.sigma_mm[k][known], axis=0)
+
+
+class TestSigma:
+    def test_of_the_reference(self, inflated: Measured):
+        found = inflated.measurement.sequence.reference
+        known = found.valid & inflated.speckled
+        covered = np.mean(np.abs(found.xyz_mm - inflated.truth_mm[0])[known] < found.sigma_mm[known], axis=0)
+        assert np.abs(covered - 0.68).max() <= 0.07, covered
+
+    @pytest.mark.parametrize("k", range(3))
+    def test_of_displacements_at_rest(self, inflated: Measured, k: int):
+        assert np.abs(coverage(inflated, k) - 0.68).max() <= 0.07
+
+    @pytest.mark.parametrize("noise_times", [1.0, 2.0])
+    def test_of_a_rigid_motion(self, wide: Calibration, twin_runs: TwinRuns, tmp_path, noise_times: float):
+        rest = twin_runs.inflated(REST_KPA)
+        placement = rest.placement._replace(shift_mm=(0.4, -1.0, 0.3))
+        moved = rest._replace(placement=placement)
+        states = [rest] * 4 + [moved] * 2
+        records = [
+            twin_runs.frame(twin_runs.image(state, noise_times=noise_times), k, REST_KPA if k < 4 else 0.1)
+            for k, state in enumerate(states)
+        ]
+        found = follow(wide, twin_runs, write(tmp_path / "moved.h5", records), states, strain=False)
+        for k in (4, 5):
+            assert np.abs(coverage(found, k) - 0.68).max() <= 0.07, coverage(found, k)
+
+    def test_of_depth_as_the_membrane_rises(self, inflated: Measured):
+        assert coverage(inflated, 4)[1] >= 0.55
+
+    @pytest.mark.xfail(
+        strict=True,
+        reason="affine subsets miss up to 0.04 px of the membrane's second derivatives, more than their noise",
+    )
+    def test_of_displacements_at_16_kpa(self, inflated: Measured):
+        assert np.abs(coverage(inflated, -1) - 0.68).max() <= 0.07
+
+
+def test_second_order_tracking_halves_what_is_in_the_surface(
+    inflated: Measured, wide: Calibration, twin_runs: TwinRuns, inflation_run
+):
+    found = follow(wide, twin_runs, inflation_run, strain=False, tracking_shape="quadratic")
+    assert found.measurement.header.parameters["tracking_shape"] == "quadratic"
+    u, v, w = rms(found.error_uvw(-1))
+    assert w <= 0.012
+    assert max(u, v) < 0.75 * rms(inflated.error_uvw(-1))[:2].max()
+    assert (coverage(found, -1) > coverage(inflated, -1) + 0.2).all()
