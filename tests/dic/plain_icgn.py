@@ -85,11 +85,12 @@ def match(
     max_iterations: int = 50,
     fewest: int = 1,
     noise_energy: tuple[float, float] = (0.0, 0.0),
+    solved: int | None = None,
 ) -> PlainMatch:
     """Match one point from the shape parameters ``(6,)`` or ``(12,)`` of its guess.
 
     Fewer pixels than ``fewest`` are outside. ``noise_energy`` is what noise adds to the squares of a reference pixel's
-    slopes by column and by row.
+    slopes by column and by row. With ``solved`` = 2 only u and v are solved for and the rest of the guess is held.
     """
     p, half = np.array(guess, float), len(guess) // 2
     radius = subset_px // 2
@@ -99,7 +100,9 @@ def match(
     f_all = reference.at(point[0] + dx, point[1] + dy)
     slope_x, slope_y = reference.slopes(point[0] + dx, point[1] + dy)
     terms = basis(dx, dy, half)
-    descent_all = np.hstack([slope_x[:, None] * terms, slope_y[:, None] * terms])
+    parts = (len(p) if solved is None else solved) // 2
+    free = np.concatenate([np.arange(parts), half + np.arange(parts)])
+    descent_all = np.hstack([slope_x[:, None] * terms[:, :parts], slope_y[:, None] * terms[:, :parts]])
     used = np.ones(len(dx), bool)
     found = PlainMatch("not converged", p)
     for iteration in range(max_iterations):
@@ -114,7 +117,8 @@ def match(
         f, g = f - f.mean(), g - g.mean()
         gain = np.linalg.norm(g) / np.linalg.norm(f)
         hessian = _hessian(descent, f)
-        step = np.linalg.solve(hessian, descent.T @ (g / gain - f))
+        step = np.zeros(len(p))
+        step[free] = np.linalg.solve(hessian, descent.T @ (g / gain - f))
         p = composed(p, inverse_of=step)
         zncc = f @ g / (np.linalg.norm(f) * np.linalg.norm(g))
         norm = _norm(step, radius)
@@ -123,8 +127,8 @@ def match(
             p,
             zncc,
             gain,
-            _covariance(hessian, terms[used], noise_energy),
-            np.sum((g / gain - f) ** 2) / max(len(f) - len(p) - 2, 1),
+            _covariance(hessian, terms[used][:, :parts], noise_energy),
+            np.sum((g / gain - f) ** 2) / max(len(f) - len(free) - 2, 1),
             len(f),
             norm,
             iteration + 1,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bscd.dic import Status, prepare
 from bscd.dic.library import InstructionSet, best_set, can_run
-from bscd.dic.solver import PARAMETERS, Solved, SolverOptions, solve
+from bscd.dic.solver import PARAMETERS, SOLVED, Solved, SolverOptions, solve
 from bscd.dic.spline import noise_energy
 from tests.dic.motions import Affine, FloatArray, centre_of, rotation, translation
 from tests.dic.plain_icgn import PlainImage, PlainMatch, basis, composed, match
@@ -136,6 +136,7 @@ def plain(case: Case, point: tuple[float, float]) -> PlainMatch:
         max_iterations=case.max_iterations,
         fewest=case.fewest,
         noise_energy=(case.noise_grey**2 * passed[0], case.noise_grey**2 * passed[1]),
+        solved=SOLVED[case.shape],
     )
 
 
