@@ -235,8 +235,8 @@ class Matching:
 
     def _open(self) -> BoolArray:
         """Points without a match that another guess might still give one."""
-        # without texture in the current image the guess was wrong: a step was tried, but led nowhere
-        lured = (self.solved.status == Status.LOW_TEXTURE) & np.isnan(self.solved.column("var_u"))
+        # a comparison that could not be ended: it is the current image that is blank where the guess was
+        lured = (self.solved.status == Status.LOW_TEXTURE) & np.isnan(self.solved.column("pixels"))
         lured &= self.solved.iterations > 0
         settled = (np.isin(self.solved.status, _FINAL) & ~lured) | self._hopeless
         return ~settled & ~self._led_outside()
