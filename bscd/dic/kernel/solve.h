@@ -12,28 +12,28 @@ INLINE double NAME(displacement_norm)(const int degree, const double *d, double 
 }
 
 /* Covariance of (u, v) for a noise variance of 1, without what the noise of the reference's gradients adds to the
- * Hessian on average; 0 when nothing is left. u and v are the last of the Hessian's order, so that its factor's last
- * corner is that of their own part. */
+ * Hessian on average; 0 when they are not placed well enough then. Where noise seems to be nearly all there is, a
+ * likeness this high shows that it is not: then less is taken off. u and v are the last of the Hessian's order, so that
+ * its factor's last corner is that of their own part. */
 static __attribute__((noinline)) int NAME(covariance)(const int degree, const bscd_options *options,
                                                       const double *point, int radius, statistics *about,
                                                       double *found)
 {
-    const int n = 2 * (MOMENT(0, degree) + 1);
-    if (options->noise_variance > 0) {
-        /* where noise seems to be all there is, a likeness this high shows that it is not: then less is taken off */
-        const double shares[4] = {1, -0.5, -0.25, -0.25};
-        int tried = 0, factored = 0;
-        while (!factored && tried < (found[BSCD_ZNCC] > 0.5 ? 4 : 1)) {
-            take_noise_off(options, shares[tried++], point, radius, degree, about->pixels, about->hessian);
-            factored = cholesky(n, about->hessian, about->factor);
+    const int n = 2 * (MOMENT(0, degree) + 1), noisy = options->noise_variance > 0;
+    const double shares[4] = {1, -0.5, -0.25, -0.25};
+    const int tries = noisy && found[BSCD_ZNCC] > 0.5 ? 4 : 1;
+    for (int i = 0; i < tries; i++) {
+        if (noisy) {
+            take_noise_off(options, shares[i], point, radius, degree, about->pixels, about->hessian);
+            if (!cholesky(n, about->hessian, about->factor)) continue;
         }
-        if (!factored) return 0;
+        const double var_v = about->factor[n - 1][n - 1], coupling = about->factor[n - 1][n - 2];
+        found[BSCD_VAR_V] = var_v;
+        found[BSCD_COV_UV] = -coupling * var_v;
+        found[BSCD_VAR_U] = about->factor[n - 2][n - 2] + coupling * coupling * var_v;
+        if (found[BSCD_VAR_U] < options->variance_max && var_v < options->variance_max) return 1;
     }
-    const double var_v = about->factor[n - 1][n - 1], coupling = about->factor[n - 1][n - 2];
-    found[BSCD_VAR_V] = var_v;
-    found[BSCD_COV_UV] = -coupling * var_v;
-    found[BSCD_VAR_U] = about->factor[n - 2][n - 2] + coupling * coupling * var_v;
-    return 1;
+    return 0;
 }
 
 /* Solve one point; its status. The warp is of this degree; of its parameters those up to the degree `solved` are solved
@@ -105,8 +105,6 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
     const double spare = about.pixels - 2 * parts - 2;
     found[BSCD_RESIDUAL] = 2 * about.norm2 * (1 - found[BSCD_ZNCC]) / (spare > 1 ? spare : 1);
     if (!NAME(covariance)(solved, options, point, s->radius, &about, found)) return BSCD_LOW_TEXTURE;
-    if (!(found[BSCD_VAR_U] < options->variance_max && found[BSCD_VAR_V] < options->variance_max))
-        return BSCD_LOW_TEXTURE;
     if (status == BSCD_VALID && !(found[BSCD_ZNCC] >= options->zncc_min)) return BSCD_LOW_ZNCC;
     return status;
 }

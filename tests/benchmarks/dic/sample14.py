@@ -66,7 +66,7 @@ class Sample14:
         folder = Path(os.environ.get("BSCD_DATA", root.parent / "shared/data")) / "dic-challenge-14"
         return cls(folder) if folder.is_dir() else None
 
-    def measure(self, worker: Worker, level: str, options: Mapping[str, str] | None = None) -> Level:
+    def measure(self, worker: Worker, level: str, options: Mapping[str, str | float] | None = None) -> Level:
         found = worker.correlate(self.images["reference"], self.images[level], self.points, options=options)
         asked = requested(self.points, lambda points: self._truth(points, level), self.size_px)
         good = asked & found.valid
