@@ -11,6 +11,7 @@ from bscd.acquisition import PhaseName, RunFile
 from bscd.acquisition.images import read_grey
 from bscd.calibration import Calibration
 from bscd.cli.following import following
+from bscd.dic.solver import ShapeName
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.procedures.measuring.settings import StereoShape
@@ -35,6 +36,9 @@ def register(app: typer.Typer) -> None:
             Path | None, typer.Option(help="Image that is white where points are wanted in the left view.")
         ] = None,
         stereo_shape: Annotated[StereoShape, typer.Option(help="Shape function of the stereo match.")] = "auto",
+        tracking_shape: Annotated[
+            ShapeName, typer.Option(help="Shape function of the tracking; quadratic follows steep strains.")
+        ] = "affine",
         vsg: Annotated[float, typer.Option(help="Largest virtual strain gauge, mm.")] = 6.0,
         strain: Annotated[bool, typer.Option(help="Strains as well.")] = True,
         extrapolate: Annotated[bool, typer.Option(help="Keep points outside the calibrated hull, marked.")] = False,
@@ -56,6 +60,7 @@ def register(app: typer.Typer) -> None:
             phase=phase,
             region=None if region is None else read_grey(region).data > 0,
             stereo_shape=stereo_shape,
+            tracking_shape=tracking_shape,
             vsg_mm=vsg,
             strain=strain,
             extrapolate=extrapolate,

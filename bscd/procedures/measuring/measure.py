@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -19,7 +20,7 @@ from bscd.dic import estimate_noise
 from bscd.errors import InputError
 from bscd.procedures.measuring.frames import FrameChoice, choose_frames, frame_records
 from bscd.procedures.measuring.geometry import BiprismGeometry, StandardGeometry
-from bscd.procedures.measuring.region import requested_points
+from bscd.procedures.measuring.region import covered_mask, requested_points
 from bscd.procedures.measuring.sequence import Measured, PointStatus, Sequence
 from bscd.procedures.measuring.settings import MeasureSettings
 from bscd.procedures.measuring.views import BiprismSplitter, FrameViews, pair_views
@@ -28,6 +29,9 @@ from bscd.results import FrameResult, MembraneFrame, Origin, ResultsHeader, Resu
 
 #: A point's epipolar residual above this many times the calibration's limit for a frame is refused.
 _EPIPOLAR_TIMES = 5.0
+
+#: Noise of rounding to whole grey levels.
+_ROUNDING_GREY = math.sqrt(1.0 / 12.0)
 
 #: So many points must be known for the membrane's frame and strains.
 _LEAST_POINTS = 30
@@ -65,8 +69,14 @@ def measure_run(
     choice = choose_frames(run, settings.phase, settings.stereo, calibration.jack_mm)
     say = warn or (lambda _: None)
     to_views = _splitter(calibration, choice, settings)
-    reference, noise = _reference(run, choice, to_views)
-    points = requested_points(reference.left, settings.step_px, settings.subset_px, max(noise[1], 0.3), settings.region)
+    reference, first = _reference(run, choice, to_views)
+    single = max(estimate_noise(first).sigma_grey, _ROUNDING_GREY)
+    points = requested_points(reference.left, settings.step_px, settings.subset_px, max(single, 0.3), settings.region)
+    # shot noise is larger on the lit surface than in the dark around it; few points can not tell
+    with suppress(InputError):
+        where = covered_mask(first.shape, points, settings.subset_px)
+        single = max(estimate_noise(first, mask=where).sigma_grey, _ROUNDING_GREY)
+    noise = (single / math.sqrt(len(choice.reference)), single)
     geometry = (
         BiprismGeometry(calibration, settings.corrected, settings.extrapolate)
         if settings.stereo == "biprism"
@@ -129,19 +139,18 @@ def _splitter(calibration: Calibration, choice: FrameChoice, settings: MeasureSe
     return lambda primary, _: splitter.views(np.asarray(primary.data, np.float32))
 
 
-def _reference(run: RunFile, choice: FrameChoice, to_views: ToViews) -> tuple[FrameViews, tuple[float, float]]:
-    """The mean of the reference frames as views, and the noise of (it, a single frame) in grey levels."""
+def _reference(run: RunFile, choice: FrameChoice, to_views: ToViews) -> tuple[FrameViews, np.ndarray]:
+    """The mean of the reference frames as views, and the first of them as it was taken."""
     taken = list(islice(frame_records(run, choice), len(choice.reference)))
 
     def mean(frames: list[FrameRecord]) -> FrameRecord:
         stack = np.stack([np.asarray(frame.data, np.float32) for frame in frames])
         return _with_data(frames[0], np.asarray(stack.mean(axis=0)))
 
-    single = max(estimate_noise(np.asarray(taken[0][0].data)).sigma_grey, math.sqrt(1.0 / 12.0))
     primary = mean([first for first, _ in taken])
     seconds = [second for _, second in taken if second is not None]
     views = to_views(primary, mean(seconds) if seconds else None)
-    return views, (single / math.sqrt(len(taken)), single)
+    return views, np.asarray(taken[0][0].data)
 
 
 def _with_data(record: FrameRecord, data: np.ndarray) -> FrameRecord:

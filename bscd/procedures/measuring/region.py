@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import cv2
+import numpy as np
+
 from bscd.arrays import BoolArray, FloatArray
 from bscd.dic import PreparedImage, grid_points, speckle_quality
 from bscd.errors import InputError
@@ -29,3 +32,11 @@ def requested_points(
     if not len(points):
         raise InputError("the reference frame has no speckled surface in the left view; check image, light and region")
     return points
+
+
+def covered_mask(shape: tuple[int, ...], points_px: FloatArray, subset_px: int) -> BoolArray:
+    """Where points' subsets lie in an image, ``(H, W)``."""
+    mask = np.zeros(shape, np.uint8)
+    columns, rows = np.rint(points_px).astype(int).T
+    mask[rows, columns] = 1
+    return cv2.dilate(mask, np.ones((subset_px, subset_px), np.uint8)).astype(bool)

@@ -17,6 +17,12 @@ from bscd.procedures.measuring.geometry import PairGeometry
 from bscd.procedures.measuring.settings import MeasureSettings
 from bscd.procedures.measuring.views import FrameViews
 
+#: The smooth part of what second order changes is the affine match's bias; up to this share of its sigma is let be.
+_LARGEST_BIAS = 0.3
+
+#: Degree of the polynomial in (column, row) that counts as smooth.
+_SMOOTH_DEGREE = 4
+
 
 class PointStatus(IntEnum):
     """Whether a point was measured in a frame, or why not; the first are the correlation's own."""
@@ -79,7 +85,11 @@ class Sequence:
         self.stereo, self.stereo_shape = _matched(reference, points_px, geometry, settings, noise_grey[0])
         self._right_px = points_px + self.stereo.displacement_px
         tracking = TrackingSettings(
-            subset_px=settings.subset_px, zncc_min=settings.zncc_min, noise_grey=noise_grey, threads=settings.threads
+            subset_px=settings.subset_px,
+            shape=settings.tracking_shape,
+            zncc_min=settings.zncc_min,
+            noise_grey=noise_grey,
+            threads=settings.threads,
         )
         self._usable = self.stereo.valid
         self._left = Tracker(reference.left, points_px[self._usable], tracking)
@@ -120,7 +130,7 @@ class Sequence:
         points = self._geometry.describe(located, images.position_px2)
         status = np.where(left.status != Status.VALID, left.status, right.status).astype(np.uint8)
         found = status == PointStatus.VALID
-        outside = found & ~points.inside
+        outside = found & ~(points.inside & self._located.inside)
         status[found & (points.epipolar_px > self._limit_px)] = PointStatus.EPIPOLAR
         status[outside] = PointStatus.OUTSIDE_VOLUME
         shown = (status == PointStatus.VALID) | (outside & self._extrapolate)
@@ -153,8 +163,8 @@ def _matched(
 ) -> tuple[Correlation, str]:
     """The stereo match and the shape function it was made with.
 
-    "auto" takes the second order when what it changes, beyond its own noise, is more than the noise that it adds: the
-    smaller mean square error.
+    "auto" takes the second order when it changes the field smoothly by more than noise may explain: what affine subsets
+    miss of the surface's curvature would not be covered by their sigma.
     """
     first = match_views(
         views.left,
@@ -182,8 +192,22 @@ def _matched(
     )
     both = first.valid & second.valid
     if settings.stereo_shape == "auto" and both.any():
-        changed = np.median(np.sum((second.displacement_px - first.displacement_px)[both] ** 2, axis=1))
-        added = np.median(np.sum((second.sigma_px**2 - first.sigma_px**2)[both], axis=1))
-        if changed < 2.0 * added:
+        bias = _smooth_rms(points_px[both], (second.displacement_px - first.displacement_px)[both])
+        if bias < _LARGEST_BIAS * np.median(first.sigma_px[both]):
             return first, "affine"
     return second, "quadratic"
+
+
+def _smooth_rms(points_px: FloatArray, change_px: FloatArray) -> float:
+    """Root mean square of the smooth part of a change ``(n, 2)`` in one of its axes, the larger; without its noise."""
+    at = (points_px - points_px.mean(axis=0)) / max(float(np.ptp(points_px)), 1.0)
+    terms = np.stack(
+        [at[:, 0] ** i * at[:, 1] ** j for i in range(_SMOOTH_DEGREE + 1) for j in range(_SMOOTH_DEGREE + 1 - i)],
+        axis=1,
+    )
+    freedom = len(terms) - terms.shape[1]
+    if freedom <= 0:
+        return 0.0
+    smooth = terms @ np.linalg.lstsq(terms, change_px, rcond=None)[0]
+    noise = np.sum((change_px - smooth) ** 2, axis=0) / freedom * terms.shape[1]
+    return float(np.sqrt(np.maximum(np.sum(smooth**2, axis=0) - noise, 0.0).max() / len(terms)))
