@@ -25,27 +25,30 @@ def confirmed(
     points_px: FloatArray,
     shape: FloatArray,
     valid: BoolArray,
+    sure: BoolArray,
     zncc: FloatArray,
     subset_px: int,
 ) -> BoolArray:
     """Whether neighbours agree with the matches of some points, ``index`` ``(n,)``.
 
-    All points ``(N, 2)`` that were asked for, with their shape parameters ``(N, P)``, whether they have a match
-    ``(N,)`` and its ZNCC ``(N,)``, which is used to pick one of many. A neighbour without a match does not agree.
-    Subsets that overlap err together, so only neighbours a subset or more away are asked. Without enough of them a
-    match counts as confirmed.
+    All points ``(N, 2)`` that were asked for, with their shape parameters ``(N, P)``, whether they have a match,
+    ``valid`` ``(N,)``, and one beyond doubt, ``sure`` ``(N,)``; ``zncc`` ``(N,)`` picks one of many. A neighbour
+    without a match does not agree. Subsets that overlap err together, so neighbours that are not sure are asked only
+    when they are a subset or more away. Without enough neighbours, and none that is sure, a match counts as confirmed.
     """
     voters = _best_in_cells(points_px, np.where(valid, zncc, -2.0), subset_px)
     distance, near = KDTree(points_px[voters]).query(
         points_px[index], k=2 * _NEIGHBOURS, distance_upper_bound=_REACH_SUBSETS * subset_px
     )
-    asked = np.isfinite(distance) & (distance >= subset_px)
+    there = np.isfinite(distance)
+    other = voters[np.where(there, near, 0)]
+    asked = there & (sure[other] | (distance >= subset_px))
     asked &= np.cumsum(asked, axis=1) <= _NEIGHBOURS
-    other = voters[np.where(asked, near, 0)]
     off = _disagreement_px(shape[index][:, None], shape[other], points_px[other] - points_px[index][:, None])
-    agrees = asked & valid[other] & (off < _AGREE_PX + _AGREE_PER_PX * np.where(asked, distance, 0.0))
+    agrees = asked & valid[other] & (off < _AGREE_PX + _AGREE_PER_PX * np.where(there, distance, 0.0))
     count = np.count_nonzero(asked, axis=1)
-    return (np.count_nonzero(agrees, axis=1) >= _SHARE * count) | (count < _FEWEST)
+    too_few = (count < _FEWEST) & ~(asked & sure[other]).any(axis=1)
+    return (np.count_nonzero(agrees, axis=1) >= _SHARE * count) | too_few
 
 
 def _best_in_cells(points_px: FloatArray, score: FloatArray, cell_px: float) -> IntArray:

@@ -173,7 +173,8 @@ class Matching:
         for _ in range(_CHANCE_ROUNDS):
             valid = self.solved.valid[tried]
             index = np.flatnonzero(valid & doubtful[tried])
-            alone = index[~confirmed(index, points, shape, valid, zncc[tried], self._options.subset_px)]
+            sure = valid & ~doubtful[tried]
+            alone = index[~confirmed(index, points, shape, valid, sure, zncc[tried], self._options.subset_px)]
             if not len(alone):
                 return
             self.solved.status[tried[alone]] = Status.LOW_ZNCC
