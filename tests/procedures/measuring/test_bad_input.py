@@ -47,9 +47,9 @@ class TestFlagged:
         assert frames[2].valid.sum() > 0.97 * frames[0].valid.sum()
 
     def test_a_membrane_that_bursts(self, measured, images):
-        _, frames = measured([*images, blank(40, 2), blank(40, 3), blank(60, 4)])
-        assert [bool(frame.valid.any()) for frame in frames] == [True] * 3 + [False] * 3
-        assert [frame.number for frame in frames] == list(range(6))
+        _, frames = measured([*images[:2], blank(40, 2), blank(60, 3)])
+        assert [bool(frame.valid.any()) for frame in frames] == [True, True, False, False]
+        assert [frame.number for frame in frames] == list(range(4))
 
     def test_glare_over_a_third(self, measured, images):
         glaring = images[1].copy()

@@ -139,6 +139,18 @@ def coverage(measured: Measured, k: int) -> FloatArray:
 
 
 class TestSigma:
+    def test_rests_on_the_noise_where_the_points_are(self, inflated: Measured, inflation_run):
+        with RunFile(inflation_run) as run:
+            first, second = (
+                frame.data.astype(float) for frame, _ in zip(run.frames("primary"), range(2), strict=False)
+            )
+        columns, rows = np.rint(inflated.measurement.sequence.points_px).astype(int).T
+        there = np.concatenate(
+            [(first - second)[rows + j, columns + i] for j in range(-4, 5) for i in range(-4, 5)]
+        ).std() / np.sqrt(2.0)
+        assert inflated.measurement.header.parameters["noise_frame_grey"] == pytest.approx(there, rel=0.07)
+        assert there > 1.1 * np.std(first - second) / np.sqrt(2.0)
+
     def test_of_the_reference(self, inflated: Measured):
         found = inflated.measurement.sequence.reference
         known = found.valid & inflated.speckled

@@ -26,10 +26,10 @@ PRESSURES_KPA = (*[REST_KPA] * 3, *np.linspace(REST_KPA, 16.0, 10)[1:])
 def wide_calibration() -> Calibration:
     """Through the biprism, from exact images of the dots of both scans with a hundredth of a pixel of noise."""
     rig = ExactRig(noise_px=0.01)
-    poses = ("face", "corner")
+    steps = {"poses": ("face", "corner"), "positions": range(-8, 9, 2)}
     return calibrate(
-        rig.reference(poses=poses),
-        rig.bsc(poses=poses),
+        rig.reference(**steps),
+        rig.bsc(**steps),
         rig.target,
         (CAMERA.width_px, CAMERA.height_px),
         CalibrationChoices(),
