@@ -16,19 +16,20 @@ INLINE void NAME(take_current)(const int taps, const int degree, const int clamp
     const warp_t *w = &s->warp;
     const int count = s->size * s->vectors, before = taps / 2 - 1;
     const int64_t stride = image->stride;
-    const float *base = image->coefficients + (image->pad - before) * (stride + 1);
-    const vf x_slope = lanes() * (float)u[1], y_slope = lanes() * (float)v[1];
+    const int64_t first_row = image->pad - before + w->y.origin, first_column = image->pad - before + w->x.origin;
+    const float *base = image->coefficients + first_row * stride + first_column;
+    const vf x_slope = lanes() * (float)u[1], y_slope = lanes() * (float)v[1], start = spread(-s->offset);
     for (int i = 0; i < count; i++) {
-        const int column = w->x.origin + (int)w->dx[i] + w->x.pixel[i];
-        const int row = w->y.origin + (int)w->dy[i] + w->y.pixel[i];
-        const float *p = base + row * stride + column;
+        const float *p = base + w->offset[i];
         vf x = NAME(along)(degree, &w->x, i, x_slope), y = NAME(along)(degree, &w->y, i, y_slope), g;
         if (clamped) {
+            const int column = w->x.origin + (int)w->dx[i] + w->x.pixel[i];
+            const int row = w->y.origin + (int)w->dy[i] + w->y.pixel[i];
             x = NAME(clamp)(x + spread(0.5f), column, image->width, lanes());
             y = NAME(clamp)(y + spread(0.5f), row, image->height, spread(0));
-            g = NAME(gather)(taps, p, stride, x, y, s->offset);
+            g = NAME(gather)(taps, p, stride, x, y, start);
         } else
-            g = NAME(interpolate)(taps, p, stride, w->kind[i], x, y, s->offset);
+            g = NAME(interpolate)(taps, p, stride, w->kind[i], x, y, start);
         *(vf *)(s->g + i * LANES) = g * *(vf *)(s->m + i * LANES);
     }
 }

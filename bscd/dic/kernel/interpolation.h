@@ -52,41 +52,41 @@ INLINE void NAME(weights_across)(const int taps, vf s, vf *moved)
     moved[taps] = where(on, w[taps - 1], spread(0));
 }
 
-/* The spline less `offset` at lane i + x[i], y[i], any finite numbers, counted from base, which is moved to the first
+/* start + the spline at lane i + x[i], y[i], any finite numbers, counted from base, which is moved to the first
  * tap: lane after lane. Slow; steep deformation and clamped borders come here. */
 static __attribute__((noinline)) vf NAME(gather)(const int taps, const float *base, int64_t stride, vf x, vf y,
-                                                 float offset)
+                                                 vf start)
 {
     vi xi = __builtin_convertvector(x, vi), yi = __builtin_convertvector(y, vi);
     xi += __builtin_convertvector(xi, vf) > x; /* floor */
     yi += __builtin_convertvector(yi, vf) > y;
-    vf wx[6], wy[6], sum;
+    vf wx[6], wy[6], sum = start;
     NAME(weights)(taps, x - __builtin_convertvector(xi, vf) - spread(0.5f), wx);
     NAME(weights)(taps, y - __builtin_convertvector(yi, vf) - spread(0.5f), wy);
     for (int i = 0; i < LANES; i++) {
         const float *p = base + yi[i] * stride + xi[i] + i;
-        float s = -offset;
+        float s = 0;
         for (int j = 0; j < taps; j++, p += stride) {
             float row = 0;
             for (int k = 0; k < taps; k++) row += wx[k][i] * p[k];
             s += wy[j][i] * row;
         }
-        sum[i] = s;
+        sum[i] += s;
     }
     return sum;
 }
 
-/* The spline less `offset` along a vector; p is where its first lane takes its first tap. sx, sy: the fractions of a
+/* start + the spline along a vector; p is where its first lane takes its first tap. sx, sy: the fractions of a
  * pixel less 1/2. `kind`: which of them cross a pixel's border. */
-INLINE vf NAME(interpolate)(const int taps, const float *p, int64_t stride, int kind, vf sx, vf sy, float offset)
+INLINE vf NAME(interpolate)(const int taps, const float *p, int64_t stride, int kind, vf sx, vf sy, vf start)
 {
-    const vf start = spread(-offset);
     vf wx[7], wy[7];
-    switch (kind) {
-    case NONE_CROSSES:
+    if (__builtin_expect(kind == NONE_CROSSES, 1)) {
         NAME(weights)(taps, sx, wx);
         NAME(weights)(taps, sy, wy);
         return NAME(taps_sum)(taps, taps, p, stride, wx, wy, start);
+    }
+    switch (kind) {
     case X_CROSSES:
         NAME(weights_across)(taps, sx, wx);
         NAME(weights)(taps, sy, wy);
@@ -99,6 +99,6 @@ INLINE vf NAME(interpolate)(const int taps, const float *p, int64_t stride, int 
         NAME(weights_across)(taps, sx, wx);
         NAME(weights_across)(taps, sy, wy);
         return NAME(taps_sum)(taps + 1, taps + 1, p, stride, wx, wy, start);
-    default: return NAME(gather)(taps, p, stride, sx + spread(0.5f), sy + spread(0.5f), offset);
+    default: return NAME(gather)(taps, p, stride, sx + spread(0.5f), sy + spread(0.5f), start);
     }
 }

@@ -63,7 +63,7 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
                           && y + reach_y <= current->height - 1;
         const int clamped = x - lanes_x < -room || x + lanes_x > current->width - 1 + room || y - lanes_y < -room
                             || y + lanes_y > current->height - 1 + room;
-        NAME(warp_subset)(degree, &s->warp, x, y, p, p + half);
+        NAME(warp_subset)(degree, &s->warp, current->stride, x, y, p, p + half);
         /* which pixels take part is settled in the first iterations, so that it can not keep the rest from converging */
         if ((!whole || partial) && *iterations < 4) {
             partial = 1;
@@ -143,7 +143,7 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
     const size_t width = (size_t)s.vectors * LANES, cells = s.size * width, rows = (s.size + 5) * width;
     const size_t vectors = ((size_t)s.size * s.vectors + LANES - 1) / LANES * LANES;
     float *memory = NULL;
-    if (posix_memalign((void **)&memory, 64, sizeof(float) * (7 * cells + 2 * rows + width + 9 * vectors))) return 1;
+    if (posix_memalign((void **)&memory, 64, sizeof(float) * (7 * cells + 2 * rows + width + 10 * vectors))) return 1;
     s.f = memory;
     s.gx = s.f + cells;
     s.gy = s.gx + cells;
@@ -167,7 +167,8 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
     w->y.slope = w->x.slope + vectors;
     w->x.pixel = (int32_t *)(w->y.slope + vectors);
     w->y.pixel = w->x.pixel + vectors;
-    w->kind = w->y.pixel + vectors;
+    w->offset = w->y.pixel + vectors;
+    w->kind = w->offset + vectors;
     for (int i = 0; i < w->vectors; i++) {
         w->dx[i] = (float)(i % s.vectors * LANES - s.radius);
         w->dy[i] = (float)(i / s.vectors - s.radius);

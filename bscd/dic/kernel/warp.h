@@ -1,8 +1,8 @@
 /* Where the vectors of a warped subset lie in the current image. Included by lanes.h.
  *
  * All vectors of the subset are placed first, LANES at a time, so that the interpolation that follows finds its
- * addresses ready. Places count from where the vector would lie if the point alone moved, by whole pixels: small numbers,
- * that keep their digits in single precision. */
+ * addresses ready. Places count from where the vector would lie if the whole subset moved by whole pixels: small
+ * numbers, which keep their digits in single precision. */
 
 /* One coordinate of all vectors. A vector's lane i lies at pixel + 1/2 + s + slope i + bend i^2 from its own place. */
 typedef struct {
@@ -17,6 +17,7 @@ typedef struct {
     int vectors;          /* of the subset, in whole vectors of them */
     float *dx, *dy;       /* of the vectors' first lanes from the point */
     course x, y;
+    int32_t *offset;      /* of the vectors' pixels from the origins in the image's coefficients */
     int32_t *kind;        /* NONE_CROSSES, ... */
 } NAME(warp);
 #define warp_t NAME(warp)
@@ -58,7 +59,8 @@ INLINE vi NAME(place)(const int degree, course *c, int i, double middle, const d
 }
 
 /* Place the subset about x, y, on the image, with the shape parameters u and v. */
-INLINE void NAME(warp_subset)(const int degree, warp_t *w, double x, double y, const double *u, const double *v)
+INLINE void NAME(warp_subset)(const int degree, warp_t *w, int64_t stride, double x, double y, const double *u,
+                              const double *v)
 {
     w->x.origin = (int)x;
     w->y.origin = (int)y;
@@ -68,6 +70,9 @@ INLINE void NAME(warp_subset)(const int degree, warp_t *w, double x, double y, c
         const vf dx = *(vf *)(w->dx + i), dy = *(vf *)(w->dy + i);
         const vi x_borders = NAME(place)(degree, &w->x, i, x, u, dx, dy);
         const vi y_borders = NAME(place)(degree, &w->y, i, y, v, dx, dy);
+        const vi columns = *(vi *)(w->x.pixel + i) + __builtin_convertvector(dx, vi);
+        const vi rows = *(vi *)(w->y.pixel + i) + __builtin_convertvector(dy, vi);
+        *(vi *)(w->offset + i) = rows * (int32_t)stride + columns;
         const vi steep = (x_borders | y_borders) > 1;
         *(vi *)(w->kind + i) = (steep & STEEP) | (~steep & (x_borders * X_CROSSES + y_borders * Y_CROSSES));
     }
