@@ -31,6 +31,9 @@ _CHANCE_NOISES = 2.0
 _CHANCE_ZNCC = 0.99
 _CHANCE_ROUNDS = 5
 
+#: Matches whose subsets are smaller than this in the current image, as a share of their area, are none.
+_LEAST_AREA = 0.2
+
 _ROUNDS = 200
 _NEIGHBOURS = 4
 
@@ -109,7 +112,13 @@ class Matching:
             self._keep(index[usable], self._solve(index[usable], guesses[usable]), source)
 
     def _solve(self, index: IntArray, guesses: FloatArray) -> Solved:
-        return solve(*self._images, self._points[index], guesses, self._options, threads=self._threads)
+        tried = solve(*self._images, self._points[index], guesses, self._options, threads=self._threads)
+        half = self._parameters // 2
+        valid = np.flatnonzero(tried.valid)
+        (ux, uy), (vx, vy) = tried.shape[valid, 1:3].T, tried.shape[valid, half + 1 : half + 3].T
+        # a few pixels are like anything: subsets that shrank to them, or that turned over, are none
+        tried.status[valid[(1.0 + ux) * (1.0 + vy) - uy * vx < _LEAST_AREA]] = Status.DIVERGED
+        return tried
 
     def _keep(self, index: IntArray, tried: Solved, source: GuessSource) -> None:
         before, now = self.solved.column("zncc")[index], tried.column("zncc")
