@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-/* A spline image: coefficients with `pad` mirrored pixels around them, so that pixel (0, 0) is at
+/* A spline image: coefficients with `pad` reflected ones around them, so that pixel (0, 0) is at
  * coefficients[pad * stride + pad]; mask is NULL or has a byte a pixel (0 = not to be used), without padding. */
 typedef struct {
     const float *coefficients;
