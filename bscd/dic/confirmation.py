@@ -34,7 +34,8 @@ def confirmed(
     All points ``(N, 2)`` that were asked for, with their shape parameters ``(N, P)``, whether they have a match,
     ``valid`` ``(N,)``, and one beyond doubt, ``sure`` ``(N,)``; ``zncc`` ``(N,)`` picks one of many. A neighbour
     without a match does not agree. Subsets that overlap err together, so neighbours that are not sure are asked only
-    when they are a subset or more away. Without enough neighbours, and none that is sure, a match counts as confirmed.
+    when they are a subset or more away. Without enough neighbours, and none that is sure, a match counts as confirmed;
+    one that is sure itself is not refused by so few at all.
     """
     voters = _best_in_cells(points_px, np.where(valid, zncc, -2.0), subset_px)
     distance, near = KDTree(points_px[voters]).query(
@@ -47,7 +48,7 @@ def confirmed(
     off = _disagreement_px(shape[index][:, None], shape[other], points_px[other] - points_px[index][:, None])
     agrees = asked & valid[other] & (off < _AGREE_PX + _AGREE_PER_PX * np.where(there, distance, 0.0))
     count = np.count_nonzero(asked, axis=1)
-    too_few = (count < _FEWEST) & ~(asked & sure[other]).any(axis=1)
+    too_few = (count < _FEWEST) & (sure[index] | ~(asked & sure[other]).any(axis=1))
     return (np.count_nonzero(agrees, axis=1) >= _SHARE * count) | too_few
 
 

@@ -26,7 +26,8 @@ _SURPRISE_PX = 0.5
 #: How far from its points a match's displacement and gradients are taken on, in subsets.
 _REACH_SUBSETS = 4.0
 
-#: Matches that differ by more than this many times the noise, and are less similar than this, may be chance.
+#: Matches that differ by more than this many times the noise may be chance; those more similar than this are sure
+#: enough to judge others, but a pattern of few shapes is that similar to itself elsewhere.
 _CHANCE_NOISES = 2.0
 _CHANCE_ZNCC = 0.99
 _CHANCE_ROUNDS = 5
@@ -174,14 +175,14 @@ class Matching:
 
     def _refuse_chance(self) -> None:
         """Refuse matches that differ by far more than noise and that no field of neighbours confirms."""
-        doubtful, zncc = self._doubtful(), self.solved.column("zncc")
-        if not (doubtful & self.solved.valid).any():
+        unlike, doubtful, zncc = self._unlike(), self._doubtful(), self.solved.column("zncc")
+        if not (unlike & self.solved.valid).any():
             return
         tried = np.flatnonzero(~self._hopeless & (self.solved.status != Status.NO_GUESS))
         points, shape = self._points[tried], self.solved.shape[tried]
         for _ in range(_CHANCE_ROUNDS):
             valid = self.solved.valid[tried]
-            index = np.flatnonzero(valid & doubtful[tried])
+            index = np.flatnonzero(valid & unlike[tried])
             sure = valid & ~doubtful[tried]
             alone = index[~confirmed(index, points, shape, valid, sure, zncc[tried], self._options.subset_px)]
             if not len(alone):
@@ -189,11 +190,15 @@ class Matching:
             self.solved.status[tried[alone]] = Status.LOW_ZNCC
             self.guess[self._led_outside()] = GuessSource.NONE  # perhaps by these
 
+    def _unlike(self) -> BoolArray:
+        """Matches that leave more than the noise."""
+        residual, gain = (self.solved.column(name) for name in ("residual_variance", "gain"))
+        noise = self._options.noise_grey**2 + (self._options.noise_both_grey**2 - self._options.noise_grey**2) / gain**2
+        return residual > _CHANCE_NOISES**2 * noise
+
     def _doubtful(self) -> BoolArray:
         """Matches that leave more than the noise and are not that similar."""
-        zncc, residual, gain = (self.solved.column(name) for name in ("zncc", "residual_variance", "gain"))
-        noise = self._options.noise_grey**2 + (self._options.noise_both_grey**2 - self._options.noise_grey**2) / gain**2
-        return (residual > _CHANCE_NOISES**2 * noise) & (zncc < _CHANCE_ZNCC)
+        return self._unlike() & (self.solved.column("zncc") < _CHANCE_ZNCC)
 
     def _challenge(self, index: IntArray) -> None:
         """Compare points with what the median of their neighbours lets expect; where it differs the better match stays.

@@ -84,3 +84,15 @@ def test_where_there_are_no_neighbours_nothing_is_refused():
 
 def test_nothing_asked_is_nothing_answered():
     assert ask(np.zeros(0, np.int64), field(np.zeros((len(POINTS), 2)))).shape == (0,)
+
+
+def test_a_sure_one_is_refused_by_sure_ones_but_not_by_a_few():
+    displacement = np.zeros((len(POINTS), 2))
+    one = near((100, 80), 4)[:1]
+    displacement[one] = (130.0, 0.0)  # a pattern that is like itself there
+    everyone = np.ones(len(POINTS), bool)
+    assert not ask(one, field(displacement), sure=everyone).any()
+    two = np.array([0, 1])
+    points, shape = np.array([[10.0, 10.0], [40.0, 10.0]]), np.zeros((2, 6))
+    shape[1, 0] = 130.0
+    assert confirmed(two, points, shape, two >= 0, two >= 0, np.ones(2), SUBSET).all()
