@@ -15,7 +15,7 @@ from bscd.dic.solver import ShapeName
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.procedures.measuring.settings import StereoShape
-from bscd.results import StereoSource
+from bscd.results import ResultsFile, StereoSource, count_points
 
 
 def register(app: typer.Typer) -> None:
@@ -72,7 +72,10 @@ def register(app: typer.Typer) -> None:
             header = measure_to_file(
                 loaded, source, out, settings, calibration_name=calibration.name, progress=progress, warn=_warn
             )
-        typer.echo(f"{out}: {len(header.points_px)} points, {header.parameters['phase']} frames")
+        with ResultsFile(out) as results:
+            counts = count_points(results.frames())
+            frames = f"{len(results)} {header.parameters['phase']} frames"
+        typer.echo(f"{out}: {frames} of {len(header.points_px)} points: {counts.text(header.status_names)}")
 
 
 def _warn(text: str) -> None:

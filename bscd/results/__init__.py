@@ -1,5 +1,6 @@
 """Results: measured shapes and displacements of a run, kept and read back; `bscd.results.export` hands them on."""
 
+from bscd.results.counts import PointCounts, count_points
 from bscd.results.reader import ResultsFile
 from bscd.results.records import (
     VALID,
@@ -18,8 +19,10 @@ __all__ = [
     "MembraneFrame",
     "Origin",
     "ParameterValue",
+    "PointCounts",
     "ResultsFile",
     "ResultsHeader",
     "ResultsWriter",
     "StereoSource",
+    "count_points",
 ]

@@ -52,6 +52,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("principal", (2,), "<f4", "", "principal strains e1, e2"),
     Quantity("principal_direction", (3,), "<f4", "", "direction of e1 on the reference surface, world frame"),
     Quantity("sigma_mm", (3,), "<f4", "mm", "one-sigma uncertainty of the position"),
+    Quantity("displacement_sigma_mm", (3,), "<f4", "mm", "one-sigma uncertainty of the displacement"),
     Quantity("zncc", (), "<f4", "", "zero-mean normalised cross-correlation of the match"),
     Quantity("epipolar_px", (), "<f4", "px", "distance of the match from its epipolar line"),
     Quantity("status", (), "|u1", "", "0 where the point was measured, else the reason's code"),

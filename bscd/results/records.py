@@ -94,8 +94,8 @@ class ResultsHeader:
 class FrameResult:
     """One frame as measured, a row a requested point; NaN where something is not known.
 
-    Read from a file, ``strain``, ``principal``, ``principal_direction``, ``sigma_mm``, ``zncc`` and
-    ``epipolar_px`` are float32, the rest float64.
+    Read from a file, ``strain``, ``principal``, ``principal_direction``, ``sigma_mm``, ``displacement_sigma_mm``,
+    ``zncc`` and ``epipolar_px`` are float32, the rest float64.
 
     Parameters
     ----------
@@ -115,6 +115,9 @@ class FrameResult:
         Direction of e1 on the reference surface ``(N, 3)``, a unit vector in the world frame; its sign means nothing.
     sigma_mm
         One-sigma uncertainty of the position ``(N, 3)``.
+    displacement_sigma_mm
+        One-sigma uncertainty of the displacement ``(N, 3)``, along the world's axes; what both positions share has
+        cancelled, so it is smaller than that of a position.
     zncc, epipolar_px
         Correlation of the match and its distance from the epipolar line ``(N,)``.
     status
@@ -133,6 +136,7 @@ class FrameResult:
     principal: FloatArray
     principal_direction: FloatArray
     sigma_mm: FloatArray
+    displacement_sigma_mm: FloatArray
     zncc: FloatArray
     epipolar_px: FloatArray
     status: NDArray[np.uint8]
@@ -159,6 +163,7 @@ class FrameResult:
             principal=empty(2),
             principal_direction=empty(3),
             sigma_mm=empty(3),
+            displacement_sigma_mm=empty(3),
             zncc=empty(),
             epipolar_px=empty(),
             status=np.full(points, status, np.uint8),
@@ -170,3 +175,8 @@ class FrameResult:
     def valid(self) -> BoolArray:
         """Which points were measured ``(N,)``."""
         return self.status == VALID
+
+    @property
+    def extrapolated(self) -> BoolArray:
+        """Which points have a position although they are not valid: outside the calibrated hull ``(N,)``."""
+        return ~self.valid & np.isfinite(self.xyz_mm).all(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -14,7 +15,7 @@ STATUS_NAMES = {0: "valid", 1: "correlation too low", 2: "outside the calibrated
 STEP_PX = 10.0
 
 #: Fields of a frame that the file keeps as float32.
-SINGLE = ("strain", "principal", "principal_direction", "sigma_mm", "zncc", "epipolar_px")
+SINGLE = ("strain", "principal", "principal_direction", "sigma_mm", "displacement_sigma_mm", "zncc", "epipolar_px")
 
 
 def grid_px(columns: int = 5, rows: int = 4) -> np.ndarray:
@@ -71,12 +72,20 @@ def frames(count: int, points_px: np.ndarray | None = None, first: int = 3, seed
             principal=some(2, np.float32),
             principal_direction=some(3, np.float32),
             sigma_mm=np.abs(some(3, np.float32)),
+            displacement_sigma_mm=np.abs(some(3, np.float32)),
             zncc=(0.99 + 0.001 * some(0)).astype(np.float32),
             epipolar_px=some(0, np.float32),
             status=status,
             left_px=some(2),
             right_px=some(2),
         )
+
+
+def with_extrapolated(frame: FrameResult, point: int) -> FrameResult:
+    """The frame with a point outside the calibrated hull that has a position all the same."""
+    status, xyz_mm = frame.status.copy(), frame.xyz_mm.copy()
+    status[point], xyz_mm[point] = 2, (11.0, -2.0, 7.0)
+    return replace(frame, status=status, xyz_mm=xyz_mm)
 
 
 def reference_mm(points_px: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from bscd.results.export import export_matlab
 from bscd.results.export.matlab import _NUMBERS_PER_FACE, _NUMBERS_PER_POINT
 from bscd.results.export.surface import triangulate
 from bscd.results.export.triangle_deformation import triangle_deformation
-from tests.results.measured import frames, grid_px, header, reference_mm, write
+from tests.results.measured import frames, grid_px, header, reference_mm, with_extrapolated, write
 
 T, N = 5, 20
 FACES = triangulate(grid_px())
@@ -179,9 +179,16 @@ def test_what_multidic_has_no_place_for_stands_beside(content):
     codes, names = beside["status_codes"].ravel(), beside["status_names"].ravel()
     assert {int(code): name.item() for code, name in zip(codes, names, strict=True)} == head.status_names
     for k, frame in enumerate(measured):
-        for name in ("uvw_mm", "strain", "sigma_mm"):
+        for name in ("uvw_mm", "strain", "sigma_mm", "displacement_sigma_mm"):
             np.testing.assert_array_equal(beside[name][0, k], getattr(frame, name))
         np.testing.assert_array_equal(beside["status"][0, k][:, 0], frame.status)
+
+
+def test_extrapolated_points_are_marked(tmp_path):
+    measured = [with_extrapolated(frame, 7 + k) for k, frame in enumerate(frames(2))]
+    with ResultsFile(write(tmp_path / "r.h5", measured=measured)) as results:
+        beside = scipy.io.loadmat(*export_matlab(results, tmp_path))["bscd"][0, 0]
+    assert [np.flatnonzero(cell).tolist() for cell in beside["extrapolated"][0]] == [[7], [8]]
 
 
 def test_points_without_a_surface_are_exported(tmp_path):

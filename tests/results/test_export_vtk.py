@@ -14,7 +14,7 @@ from bscd.results import ResultsFile
 from bscd.results.export import export_vtk
 from bscd.results.export.surface import triangulate
 from bscd.results.export.vtk import frame_mesh
-from tests.results.measured import STEP_PX, frames, grid_px, write
+from tests.results.measured import STEP_PX, frames, grid_px, with_extrapolated, write
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_meshio_reads_the_points_that_are_known(exported):
         np.testing.assert_array_equal(mesh.points, frame.xyz_mm[known])
         data = mesh.point_data
         np.testing.assert_array_equal(data["point"], np.flatnonzero(known))
-        for name in ("displacement_mm", "uvw_mm", "sigma_mm", "zncc", "epipolar_px", "status"):
+        for name in ("displacement_mm", "uvw_mm", "sigma_mm", "displacement_sigma_mm", "zncc", "epipolar_px", "status"):
             np.testing.assert_array_equal(data[name], getattr(frame, name)[known])
         for k, name in enumerate(("exx", "eyy", "exy")):
             np.testing.assert_array_equal(data[name], frame.strain[known, k])
@@ -45,6 +45,15 @@ def test_meshio_reads_the_points_that_are_known(exported):
         np.testing.assert_array_equal(np.stack([data["x_px"], data["y_px"]], axis=1), grid_px()[known])
         read_any += 1
     assert read_any == 4
+
+
+def test_extrapolated_points_are_marked(tmp_path):
+    frame = with_extrapolated(next(frames(1)), 7)
+    with ResultsFile(write(tmp_path / "r.h5", measured=[frame])) as results:
+        data = meshio.read(export_vtk(results, tmp_path / "vtk")[0]).point_data
+    assert data["point"][data["extrapolated"] == 1].tolist() == [7]
+    assert (data["valid"] + data["extrapolated"] == 1).all()
+    assert data["status"][data["point"] == 7].tolist() == [2]
 
 
 def test_triangles_are_those_of_the_grid_between_known_points(exported):

@@ -14,10 +14,10 @@ from hypothesis.extra import numpy as hnp
 from bscd.errors import BscdError, InputError
 from bscd.hdf5 import FileState
 from bscd.results import FrameResult, ResultsFile, ResultsWriter
-from tests.results.measured import SINGLE, START, frames, grid_px, header, same, write
+from tests.results.measured import SINGLE, START, frames, grid_px, header, same, with_extrapolated, write
 
 WIDTHS = {"xyz_mm": 3, "displacement_mm": 3, "uvw_mm": 3, "strain": 3, "principal": 2, "principal_direction": 3}
-WIDTHS |= {"sigma_mm": 3, "zncc": 0, "epipolar_px": 0, "left_px": 2, "right_px": 2}
+WIDTHS |= {"sigma_mm": 3, "displacement_sigma_mm": 3, "zncc": 0, "epipolar_px": 0, "left_px": 2, "right_px": 2}
 
 
 def test_every_frame_comes_back_bit_for_bit(tmp_path):
@@ -125,7 +125,8 @@ def test_shapes_types_and_codes_are_those_of_the_design(tmp_path):
         data = file["entry/data"]
         n, t = 20, 3
         shapes = {"points_px": (n, 2), "zncc": (t, n), "epipolar_px": (t, n), "status": (t, n)}
-        shapes |= dict.fromkeys(("xyz_mm", "displacement_mm", "uvw_mm", "strain", "sigma_mm"), (t, n, 3))
+        shapes |= dict.fromkeys(("xyz_mm", "displacement_mm", "uvw_mm", "strain"), (t, n, 3))
+        shapes |= dict.fromkeys(("sigma_mm", "displacement_sigma_mm"), (t, n, 3))
         shapes |= {"time_s": (t,), "pressure_kpa": (t,)}
         assert {name: data[name].shape for name in shapes} == shapes
         named = dict(zip(data["status"].attrs["codes"], data["status"].attrs["code_names"], strict=True))
@@ -136,6 +137,19 @@ def test_shapes_types_and_codes_are_those_of_the_design(tmp_path):
         assert (data["xyz_mm"].dtype, data["sigma_mm"].dtype, data["status"].dtype) == ("<f8", "<f4", "u1")
         assert file["entry/measurement/run/sha256"][()] == b"ab" * 32
         assert file["entry/measurement/calibration/sha256"][()] == b"cd" * 32
+
+
+def test_extrapolated_points_are_told_from_valid_and_lost_ones(tmp_path):
+    measured = with_extrapolated(next(frames(1)), 7)
+    path = write(tmp_path / "r.h5", measured=[measured])
+    with ResultsFile(path) as results:
+        frame = results.frame(0)
+    assert np.flatnonzero(frame.extrapolated).tolist() == [7]
+    assert not frame.valid[7]
+    with h5py.File(path) as file:  # as the documentation says, from the file alone
+        data = file["entry/data"]
+        known = np.isfinite(data["xyz_mm"][0]).all(axis=1)
+        assert np.flatnonzero(known & (data["status"][0] != 0)).tolist() == [7]
 
 
 def test_a_frame_of_which_nothing_is_known(tmp_path):
@@ -209,14 +223,15 @@ def test_an_exception_leaves_readable_results_with_the_reason(tmp_path):
 def test_the_checksum_is_that_of_the_documentation(tmp_path):
     """Recomputed from the file alone, as docs/results-file.md says."""
     path = write(tmp_path / "r.h5", 3)
-    order = "xyz_mm displacement_mm uvw_mm strain principal principal_direction sigma_mm zncc epipolar_px status"
+    order = "xyz_mm displacement_mm uvw_mm strain principal principal_direction sigma_mm displacement_sigma_mm zncc"
+    order += " epipolar_px status left_px right_px"
     with h5py.File(path) as file:
         data, recording = file["entry/data"], file["entry/recording"]
         over = hashlib.sha256(b"bscd_results 1\n" + recording["header_sha256"][()] + b"\n")
         for k in range(3):
             digest = hashlib.sha256(struct.pack("<q", data["frame_number"][k]))
             digest.update(struct.pack("<2d", data["time_s"][k], data["pressure_kpa"][k]))
-            for name in (*order.split(), "left_px", "right_px"):
+            for name in order.split():
                 digest.update(data[name][k].tobytes())
             assert recording["frame_sha256"][k] == digest.hexdigest().encode()
             over.update(digest.hexdigest().encode() + b"\n")

@@ -236,6 +236,7 @@ def _result(
         principal=principal,
         principal_direction=direction,
         sigma_mm=measured.sigma_mm,
+        displacement_sigma_mm=measured.displacement_sigma_mm,
         zncc=measured.zncc,
         epipolar_px=measured.epipolar_px,
         status=measured.status,

@@ -131,9 +131,10 @@ class Sequence:
         status = np.where(left.status != Status.VALID, left.status, right.status).astype(np.uint8)
         found = status == PointStatus.VALID
         outside = found & ~(points.inside & self._located.inside)
-        status[found & (points.epipolar_px > self._limit_px)] = PointStatus.EPIPOLAR
         status[outside] = PointStatus.OUTSIDE_VOLUME
-        shown = (status == PointStatus.VALID) | (outside & self._extrapolate)
+        status[found & (points.epipolar_px > self._limit_px)] = PointStatus.EPIPOLAR
+        kept = (PointStatus.VALID, PointStatus.OUTSIDE_VOLUME) if self._extrapolate else (PointStatus.VALID,)
+        shown = np.isin(status, kept)
         displacement = points.xyz_mm - self._located.points.xyz_mm
         sigma = self._geometry.displacement_sigma_mm(located, self._located, images)
         whole = np.full(len(self.points_px), PointStatus.NO_STEREO, np.uint8)

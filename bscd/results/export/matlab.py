@@ -29,7 +29,7 @@ FILE_NAME = "DIC3DPPresults_1Pairs.mat"
 _LARGEST_BYTES = 2**31 - 1
 
 #: float64 numbers a point and a face take in a frame of ``DIC3DPPresults``.
-_NUMBERS_PER_POINT, _NUMBERS_PER_FACE = 21, 80
+_NUMBERS_PER_POINT, _NUMBERS_PER_FACE = 23, 80
 
 
 def export_matlab(results: ResultsFile, folder: Path, progress: ExportProgress | None = None) -> tuple[Path, ...]:
@@ -166,8 +166,10 @@ def _beside(results: ResultsFile, frames: list[FrameResult]) -> dict[str, Any]:
         "uvw_mm": _row([frame.uvw_mm for frame in frames]),
         "strain": _row([frame.strain for frame in frames]),
         "sigma_mm": _row([frame.sigma_mm for frame in frames]),
+        "displacement_sigma_mm": _row([frame.displacement_sigma_mm for frame in frames]),
         "epipolar_px": _row([frame.epipolar_px[:, None] for frame in frames]),
         "status": _row([frame.status[:, None] for frame in frames]),
+        "extrapolated": _row([frame.extrapolated[:, None].astype(np.uint8) for frame in frames]),
         "status_codes": np.array([[float(code)] for code in header.status_names]),
         "status_names": _cells(list(header.status_names.values())),
     }

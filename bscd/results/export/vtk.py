@@ -57,6 +57,7 @@ def frame_mesh(points_px: FloatArray, triangles: IntArray, frame: FrameResult) -
     values = {
         "point": np.arange(len(known), dtype=np.int32),
         "valid": frame.valid.astype(np.uint8),
+        "extrapolated": frame.extrapolated.astype(np.uint8),
         "status": frame.status,
         "displacement_mm": frame.displacement_mm,
         "uvw_mm": frame.uvw_mm,
@@ -67,6 +68,7 @@ def frame_mesh(points_px: FloatArray, triangles: IntArray, frame: FrameResult) -
         "e2": frame.principal[:, 1],
         "e1_direction": frame.principal_direction,
         "sigma_mm": frame.sigma_mm,
+        "displacement_sigma_mm": frame.displacement_sigma_mm,
         "zncc": frame.zncc,
         "epipolar_px": frame.epipolar_px,
         "x_px": points_px[:, 0],

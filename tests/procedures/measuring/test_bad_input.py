@@ -9,7 +9,7 @@ from bscd.acquisition import CameraMeta, RunFile, RunWriter
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, PointStatus, measure_run, measure_to_file
 from bscd.results import ResultsFile
-from tests.procedures.measuring.twin_runs import CAMERA, REST_KPA, TwinRuns, write
+from tests.procedures.measuring.twin_runs import CAMERA, REST_KPA, TwinRuns, narrowed, write
 
 COARSE = MeasureSettings(step_px=25)
 
@@ -68,13 +68,9 @@ class TestFlagged:
         assert not frames[1].valid[frames[1].status == PointStatus.NO_STEREO].any()
 
     def test_points_outside_the_volume(self, measured, images, wide, twin_runs):
-        control = wide.control
-        inner = np.abs(control.distorted_mm[:, 0] - 0.6) < 8.0
-        parts = {name: getattr(control, name)[inner] for name in control.__dataclass_fields__}
         rest = twin_runs.inflated(REST_KPA)
         moved = rest._replace(placement=rest.placement._replace(shift_mm=(2.5, 0.0, 0.0)))
-        narrow = replace(wide, control=replace(control, **parts))
-        _, frames = measured([images[0], twin_runs.image(moved)], calibration=narrow)
+        _, frames = measured([images[0], twin_runs.image(moved)], calibration=narrowed(wide))
         for frame in frames:
             outside = frame.status == PointStatus.OUTSIDE_VOLUME
             assert outside.any()
@@ -85,9 +81,20 @@ class TestFlagged:
         assert not (frames[1].valid & ~frames[0].valid).any()
 
     def test_points_outside_the_volume_when_asked_for(self, measured, images, wide):
-        _, frames = measured(images[:2], replace(COARSE, extrapolate=True, strain=False))
-        outside = frames[1].status == PointStatus.OUTSIDE_VOLUME
-        assert np.isfinite(frames[1].xyz_mm[outside]).all()
+        _, frames = measured(images[:2], replace(COARSE, extrapolate=True), calibration=narrowed(wide))
+        for frame in frames:
+            outside = frame.status == PointStatus.OUTSIDE_VOLUME
+            assert outside.any()
+            assert (frame.extrapolated == outside).all()
+            assert np.isfinite(frame.displacement_mm[outside]).all()
+            assert np.nanmedian(frame.sigma_mm[outside]) > np.nanmedian(frame.sigma_mm[frame.valid])
+            assert np.isnan(frame.strain[outside]).all()
+
+    def test_a_wrong_match_is_not_extrapolated(self, measured, images, wide):
+        settings = replace(COARSE, extrapolate=True, strain=False, epipolar_limit_px=1e-4)
+        _, frames = measured(images[:1], settings, calibration=narrowed(wide))
+        assert (frames[0].status == PointStatus.EPIPOLAR).sum() > 100
+        assert np.nanmax(frames[0].epipolar_px[frames[0].valid | frames[0].extrapolated], initial=0.0) <= 1e-4
 
     def test_a_rig_that_moved(self, measured, images):
         said: list[str] = []

@@ -7,9 +7,9 @@ import pytest
 from bscd.acquisition import RunFile
 from bscd.calibration import Calibration
 from bscd.cli.app import run
-from bscd.procedures.measuring import MeasureSettings, measure_run
+from bscd.procedures.measuring import MeasureSettings, PointStatus, measure_run
 from bscd.results import ResultsFile
-from tests.procedures.measuring.twin_runs import REST_KPA, TwinRuns, write
+from tests.procedures.measuring.twin_runs import REST_KPA, TwinRuns, narrowed, write
 from tests.results.measured import same
 
 
@@ -69,6 +69,22 @@ def test_options(files, result, capsys):
         assert some.header.parameters["corrected"] is False
         assert np.isnan(some.array("strain")).all()
         assert np.isfinite(some.array("uvw_mm")).any()
+
+
+def test_what_became_of_the_points_is_told_apart(files, wide, capsys):
+    narrowed(wide).save(files / "narrow.h5")
+    for name, more in (("inside.h5", ()), ("beyond.h5", ("--extrapolate",))):
+        assert measure(files, *more, cal="narrow.h5", out=name) == 0
+        told = capsys.readouterr().out.splitlines()[-1]
+        with ResultsFile(files / name) as results:
+            status, known = results.array("status"), np.isfinite(results.array("xyz_mm")).all(axis=2)
+            extrapolated = int((known & (status != 0)).sum())
+            valid, lost = int((status == 0).sum()), int((~known).sum())
+            outside = int((status == PointStatus.OUTSIDE_VOLUME).sum())
+        assert f"3 inflation frames of {status.shape[1]} points: {valid} valid (" in told
+        assert f"%), {extrapolated} extrapolated, {lost} lost (" in told
+        assert (extrapolated == outside > 50) if more else (extrapolated == 0)
+        assert (f"{outside} outside_volume" in told) is (not more)
 
 
 def test_it_never_overwrites(files, result, capsys):

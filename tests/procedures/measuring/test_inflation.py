@@ -22,8 +22,6 @@ class Measured:
     speckled: BoolArray
     material_mm: FloatArray
     truth_mm: list[FloatArray]
-    sigma_mm: list[FloatArray]
-    """Of the displacements."""
 
     def known(self, k: int) -> BoolArray:
         return self.frames[k].valid & self.speckled
@@ -38,20 +36,11 @@ def follow(calibration: Calibration, twin_runs: TwinRuns, path, states=None, **s
     """Measure a run; its states, by default, are those of its pressures."""
     with RunFile(path) as run:
         measurement = measure_run(calibration, run, MeasureSettings(**settings))
-        sigma, sequence = [], measurement.sequence
-        measure = sequence.measure
-
-        def keep_sigma(views):
-            found = measure(views)
-            sigma.append(found.displacement_sigma_mm)
-            return found
-
-        sequence.measure = keep_sigma
         frames = list(measurement.frames)
     states = states or [twin_runs.inflated(frame.pressure_kpa) for frame in frames]
-    material, speckled = twin_runs.material(sequence.points_px, states[0])
+    material, speckled = twin_runs.material(measurement.sequence.points_px, states[0])
     truth = [twin_runs.world.surface_positions(material, state) for state in states]
-    return Measured(measurement, frames, speckled, material, truth, sigma)
+    return Measured(measurement, frames, speckled, material, truth)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +84,7 @@ def test_the_membrane_frame_faces_the_camera(inflated: Measured):
 
 def test_what_is_valid_is_known_and_what_is_not_is_nan(inflated: Measured):
     for frame in inflated.frames:
-        for name in ("xyz_mm", "displacement_mm", "uvw_mm", "sigma_mm", "left_px", "right_px"):
+        for name in ("xyz_mm", "displacement_mm", "uvw_mm", "sigma_mm", "displacement_sigma_mm", "left_px", "right_px"):
             values = getattr(frame, name)
             assert np.isfinite(values[frame.valid]).all(), name
         assert np.isnan(frame.xyz_mm[~frame.valid]).all()
@@ -135,7 +124,7 @@ def coverage(measured: Measured, k: int) -> FloatArray:
     known = measured.known(k)
     truth = measured.truth_mm[k] - measured.truth_mm[0]
     error = np.abs(measured.frames[k].displacement_mm - truth)[known]
-    return np.mean(error < measured.sigma_mm[k][known], axis=0)
+    return np.mean(error < measured.frames[k].displacement_sigma_mm[known], axis=0)
 
 
 class TestSigma:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -35,6 +36,14 @@ def wide_calibration() -> Calibration:
         CalibrationChoices(),
         jack_mm=RAISED_MM,
     )
+
+
+def narrowed(wide: Calibration) -> Calibration:
+    """The calibration by the control points of its middle alone."""
+    control = wide.control
+    inner = np.abs(control.distorted_mm[:, 0] - 0.6) < 8.0
+    parts = {name: getattr(control, name)[inner] for name in control.__dataclass_fields__}
+    return replace(wide, control=replace(control, **parts))
 
 
 class TwinRuns:
