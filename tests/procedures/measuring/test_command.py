@@ -82,7 +82,7 @@ def test_what_became_of_the_points_is_told_apart(files, wide, capsys):
             valid, lost = int((status == 0).sum()), int((~known).sum())
             outside = int((status == PointStatus.OUTSIDE_VOLUME).sum())
         assert f"3 inflation frames of {status.shape[1]} points: {valid} valid (" in told
-        assert f"%), {extrapolated} extrapolated, {lost} lost (" in told
+        assert f"%), {extrapolated} extrapolated, {lost} lost" in told
         assert (extrapolated == outside > 50) if more else (extrapolated == 0)
         assert (f"{outside} outside_volume" in told) is (not more)
 
