@@ -57,10 +57,10 @@ def dry_run(rig: Rig, recipe: ScanRecipe, *, start: int = 0, free_bytes: int | N
     problems = [f"the {role} camera is missing" for role in recipe.camera_roles if role not in cameras]
     targets = axis_targets(rig, recipe, left)
     for role, positions in targets.items():
-        problems += _axis_problems(role, rig.axes[role], positions)
+        problems += axis_problems(role, rig.axes[role], positions)
     for role, camera in cameras.items():
-        problems += _camera_problems(role, camera, recipe)
-    frame_bytes = sum(_bytes_per_frame(camera) for camera in cameras.values())
+        problems += camera_problems(role, camera, recipe.exposure_s, recipe.gain_db)
+    frame_bytes = sum(bytes_per_frame(camera) for camera in cameras.values())
     disk_bytes = len(left) * recipe.frames_per_position * frame_bytes
     if free_bytes is not None and disk_bytes > free_bytes:
         problems.append(f"it needs {disk_bytes / 1e6:.0f} MB, the disk has {free_bytes / 1e6:.0f} MB free")
@@ -88,7 +88,8 @@ def prism_height_mm(rig: Rig, recipe: ScanRecipe) -> float:
     return rig.raised_mm if recipe.kind == "bsc" else rig.lowered_mm
 
 
-def _axis_problems(role: str, axis: Axis, positions: list[float]) -> list[str]:
+def axis_problems(role: str, axis: Axis, positions: list[float]) -> list[str]:
+    """Sentences on what keeps an axis from going to all of these readings."""
     info, status = axis.info(), axis.status()
     problems = []
     if status.fault:
@@ -100,15 +101,16 @@ def _axis_problems(role: str, axis: Axis, positions: list[float]) -> list[str]:
         low, high = min(outside), max(outside)
         needed = f"{low:g}" if low == high else f"{low:g} to {high:g}"
         allowed = f"{info.limits.low:g} to {info.limits.high:g} {info.unit}"
-        problems.append(f"{role}: the scan needs {needed} {info.unit}, its limits are {allowed}")
+        problems.append(f"{role}: {needed} {info.unit} is needed, its limits are {allowed}")
     return problems
 
 
-def _camera_problems(role: str, camera: Camera, recipe: ScanRecipe) -> list[str]:
+def camera_problems(role: str, camera: Camera, exposure_s: float | None, gain_db: float | None) -> list[str]:
+    """Sentences on what keeps a camera from taking frames so (None: as it is set)."""
     info = camera.info()
     wanted: tuple[tuple[str, float | None, Range, str], ...] = (
-        ("exposure_s", recipe.exposure_s, info.exposure_limits_s, "s"),
-        ("gain_db", recipe.gain_db, info.gain_limits_db, "dB"),
+        ("exposure_s", exposure_s, info.exposure_limits_s, "s"),
+        ("gain_db", gain_db, info.gain_limits_db, "dB"),
     )
     problems = [
         f"{role} camera: {name} = {value:g} is outside {limits.low:g} to {limits.high:g} {unit}"
@@ -120,7 +122,8 @@ def _camera_problems(role: str, camera: Camera, recipe: ScanRecipe) -> list[str]
     return problems
 
 
-def _bytes_per_frame(camera: Camera) -> int:
+def bytes_per_frame(camera: Camera) -> int:
+    """Size of a camera's raw frame."""
     info = camera.info()
     return info.width_px * info.height_px * (1 if info.bit_depth <= 8 else 2)
 

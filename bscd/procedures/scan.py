@@ -5,25 +5,20 @@ from __future__ import annotations
 import shutil
 import threading
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from bscd.acquisition import AxisMeta, AxisName, CameraMeta, FrameRecord, RunFile, RunWriter
+from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunWriter
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError
 from bscd.procedures.dry_run import dry_run, prism_height_mm
 from bscd.procedures.progress import Progress, ProgressCallback, require_going
 from bscd.procedures.recipes import ScanRecipe, ScanStep
-from bscd.procedures.rig import AxisRole, CameraRole, Rig
+from bscd.procedures.rig import CameraRole, Rig
 from bscd.procedures.step_check import StepCheck
-from drivers.interfaces import Axis, Frame, FrameStatus
-
-_TRIES_PER_FRAME = 3
-_TIMEOUT_MARGIN_S = 5.0
-_RUN_AXES: Mapping[AxisName, AxisRole] = {"jack": "jacks", "translation": "translation", "rotation": "rotation"}
+from bscd.procedures.taking import axes_of, send, whole_frame
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ def record_scan(
         cameras=cameras,
         config_text=config_text,
         recipe_text=recipe.model_dump_json(),
-        axes={name: _axis_meta(rig, name) for name in _RUN_AXES},
+        axes=axes_of(rig),
     )
     return _scan(rig, recipe, target, writer, 0, progress, stop)
 
@@ -135,7 +130,7 @@ def _scan(
             _configure(rig, recipe)
             height_mm = prism_height_mm(rig, recipe)
             report(Progress(first_step, len(steps), f"moving the biprism to {height_mm:g} mm"))
-            _send(rig.jacks, height_mm, writer, "jack")
+            send(rig.jacks, height_mm, writer, "jack")
             for number in range(first_step, len(steps)):
                 step = steps[number]
                 require_going(stop, f"scan: before step {number} ({step})", number)
@@ -163,15 +158,9 @@ def _configure(rig: Rig, recipe: ScanRecipe) -> None:
 
 
 def _go(rig: Rig, step: ScanStep, recipe: ScanRecipe, writer: RunWriter) -> None:
-    _send(rig.rotation, step.rotation_deg, writer, "rotation")
-    _send(rig.translation, rig.origin_mm + step.y_mm, writer, "translation")
+    send(rig.rotation, step.rotation_deg, writer, "rotation")
+    send(rig.translation, rig.origin_mm + step.y_mm, writer, "translation")
     rig.clock.sleep(recipe.settle_s)
-
-
-def _send(axis: Axis, position: float, writer: RunWriter, name: AxisName) -> None:
-    writer.set_target(name, position)
-    if abs(axis.status().position - position) > axis.info().resolution / 2.0:
-        axis.move_to(position)
 
 
 def _expose(rig: Rig, step: ScanStep, recipe: ScanRecipe) -> list[FrameRecord]:
@@ -182,7 +171,7 @@ def _expose(rig: Rig, step: ScanStep, recipe: ScanRecipe) -> list[FrameRecord]:
     for role in recipe.camera_roles:
         status = rig.cameras[role].status()
         for _ in range(recipe.frames_per_position):
-            frame = _whole_frame(rig, role, status.exposure_s)
+            frame = whole_frame(rig, role, status.exposure_s)
             records.append(
                 FrameRecord(
                     camera=role,
@@ -200,27 +189,6 @@ def _expose(rig: Rig, step: ScanStep, recipe: ScanRecipe) -> list[FrameRecord]:
                 )
             )
     return records
-
-
-def _whole_frame(rig: Rig, role: CameraRole, exposure_s: float) -> Frame:
-    for _ in range(_TRIES_PER_FRAME):
-        frame = rig.cameras[role].snap(timeout_s=exposure_s + _TIMEOUT_MARGIN_S)
-        if frame.status is FrameStatus.OK:
-            return frame
-    raise CheckFailedError(f"{role} camera: {_TRIES_PER_FRAME} frames in a row came incomplete; check its cable")
-
-
-def _axis_meta(rig: Rig, name: AxisName) -> AxisMeta:
-    info = rig.axes[_RUN_AXES[name]].info()
-    return AxisMeta(
-        unit="deg" if name == "rotation" else "mm",
-        origin=rig.origin_mm if name == "translation" else 0.0,
-        limits=info.limits,
-        tolerance=info.repeatability,
-        vendor=info.vendor,
-        model=info.model,
-        serial=info.serial,
-    )
 
 
 def _stored_recipe(run: RunFile) -> ScanRecipe:

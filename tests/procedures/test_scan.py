@@ -90,8 +90,8 @@ class TestDryRun:
         recipe = REFERENCE.model_copy(update={"exposure_s": 5.0, "face_rotation_deg": 190.0})
         problems = " | ".join(dry_run(twin.rig, recipe, free_bytes=1000).problems)
         for part in (
-            "translation: the scan needs 103 mm, its limits are 0 to 100 mm",
-            "rotation: the scan needs 190 deg, its limits are -180 to 180 deg",
+            "translation: 103 mm is needed, its limits are 0 to 100 mm",
+            "rotation: 190 deg is needed, its limits are -180 to 180 deg",
             "jacks: not homed",
             "primary camera: exposure_s = 5 is outside 1e-05 to 1 s",
             "the disk has 0 MB free",
@@ -101,7 +101,7 @@ class TestDryRun:
     def test_out_of_limits_is_refused_before_anything_moves(self, tmp_path: Path) -> None:
         twin = TwinRig(origin_mm=95.0)
         before = twin.positions()
-        with pytest.raises(InputError, match="nothing moved: translation: the scan needs 103 mm"):
+        with pytest.raises(InputError, match="nothing moved: translation: 103 mm is needed"):
             record_scan(twin.rig, REFERENCE, TARGET, tmp_path / "scan.h5")
         assert twin.positions() == before
         assert not (tmp_path / "scan.h5").exists()
