@@ -22,7 +22,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = kept
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder of real images; skips the test where it is absent."""
     folder = Path(os.environ.get("BSCD_DATA", ROOT.parent / "shared/data"))
