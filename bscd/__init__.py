@@ -1,3 +1,28 @@
-"""bscd: a measurement daemon for biprism single-camera stereo-DIC rigs."""
+"""bscd: a measurement daemon for biprism single-camera stereo-DIC rigs.
 
-__version__ = "0.1.0"
+For notebooks and scripts: `calibrate`, `measure` and `open_results`; what they need is loaded when first named.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from bscd.version import __version__
+
+if TYPE_CHECKING:
+    from bscd.offline import MeasuredRun, calibrate, measure, open_results
+
+__all__ = ["MeasuredRun", "__version__", "calibrate", "measure", "open_results"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is asked for by name (PEP 562), so that ``import bscd`` stays cheap."""
+    if name not in __all__:
+        raise AttributeError(f"module 'bscd' has no attribute {name!r}")
+    return getattr(importlib.import_module("bscd.offline"), name)
+
+
+def __dir__() -> list[str]:
+    """The public names, for completion."""
+    return [*globals(), *(name for name in __all__ if name not in globals())]

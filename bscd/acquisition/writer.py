@@ -13,7 +13,6 @@ from types import TracebackType
 import h5py
 import numpy as np
 
-from bscd import __version__
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.detector import DetectorWriter
 from bscd.acquisition.layout import INSTRUMENT, RUN_FILE
@@ -43,6 +42,7 @@ from bscd.hdf5 import (
     utc_now,
     utc_text,
 )
+from bscd.version import __version__
 from drivers.interfaces import PressureReading
 
 

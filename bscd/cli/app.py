@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from bscd import __version__
 from bscd.errors import BscdError
+from bscd.version import __version__
 from drivers.errors import DeviceError
 
 #: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.

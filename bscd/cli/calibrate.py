@@ -7,16 +7,14 @@ from typing import Annotated
 
 import typer
 
-from bscd.acquisition import RunFile
 from bscd.calibration import Calibration, CalibrationChoices
 from bscd.calibration.calibration import ReferenceKind
 from bscd.calibration.maps import Interpolant
 from bscd.calibration.shifts import ShiftSolver
 from bscd.calibration.triangulation import TriangulationMethod
 from bscd.cli.following import following
-from bscd.config import parse_target
 from bscd.errors import InputError
-from bscd.procedures import calibrate_runs
+from bscd.offline import calibrate_files
 
 
 def register(app: typer.Typer) -> None:
@@ -44,30 +42,12 @@ def register(app: typer.Typer) -> None:
         if out.exists():
             raise InputError(f"{out}: exists already; calibrations are never overwritten, choose another name")
         choices = CalibrationChoices(reference_points, solver, interpolant, triangulation, degree)
-        made = calibrate_files(reference, bsc, choices)
+        with following("Calibration", "images") as progress:
+            made = calibrate_files(reference, bsc, choices, progress=progress, warn=_warn)
         made.save(out)
         for line in describe(made):
             typer.echo(line)
         typer.echo(f"{out}: checksum {made.checksum}")
-
-
-def calibrate_files(reference: Path, bsc: Path, choices: CalibrationChoices) -> Calibration:
-    """Calibrate from two run files (or one that holds both scans)."""
-    with RunFile(reference) as reference_run, RunFile(bsc) as bsc_run:
-        texts = [parse_target(run.config_text, f"{run.path}, configuration").target for run in (reference_run, bsc_run)]
-        for name in sorted({"columns", "rows", "pitch_mm", "dot_diameter_mm", "margin_mm"} - texts[0].model_fields_set):
-            _warn(f"{reference}: its configuration does not give [target] {name}; {getattr(texts[0], name):g} is taken")
-        if texts[0] != texts[1]:
-            raise InputError(f"{reference} and {bsc} name different targets; scan the same target twice")
-        with following("Calibration", "images") as progress:
-            return calibrate_runs(
-                reference_run,
-                bsc_run,
-                texts[0].grid(),
-                choices,
-                progress=progress,
-                warn=_warn,
-            )
 
 
 def _warn(text: str) -> None:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 
-from bscd import __version__
 from bscd.acquisition import RunFile
 from bscd.calibration import Calibration, CalibrationChoices, GridTarget, calibrate
 from bscd.errors import InputError
 from bscd.procedures.observe import Observations, observe
 from bscd.procedures.progress import Progress, ProgressCallback
+from bscd.version import __version__
 
 JACK_TOLERANCE_MM = 0.1
 """How far the jacks' readings may differ within a biprism scan."""

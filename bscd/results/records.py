@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd import __version__
 from bscd.arrays import BoolArray, FloatArray
+from bscd.version import __version__
 
 StereoSource = Literal["biprism", "standard"]
 """The pair of views that was matched: the two halves of one frame, or the primary and the auxiliary camera."""

@@ -8,12 +8,12 @@ from importlib.metadata import version
 
 import numpy as np
 
-from bscd import __version__
 from bscd.analysis.report.data import ReportData
 from bscd.analysis.report.rounding import duration, number
 from bscd.analysis.report.tables import INTERPOLANTS, SOLVERS, Table
 from bscd.arrays import FloatArray
 from bscd.calibration import Calibration
+from bscd.version import __version__
 
 _NAMES = {
     "standard_stereo_error_mean_mm": "Standard stereo pair, mean distance to the dot grid",
