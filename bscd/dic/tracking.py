@@ -11,9 +11,12 @@ from scipy.spatial import KDTree
 from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation, Status
-from bscd.dic.guess import DenseFlow, FeatureMatches
 from bscd.dic.images import PreparedImage
+from bscd.dic.recovery import Jump, recovered, trial_points
 from bscd.dic.solver import ShapeName
+
+#: A frame in which no more than this share of the points is found tells nothing of where they have gone.
+_HOPELESS = 0.05
 
 
 @dataclass(frozen=True)
@@ -91,14 +94,19 @@ class Tracker:
             0,
         )
         self._previous = reference
+        self._hopeless = False
+        self._jump = Jump(reference, reference)
         self._begin(reference, np.ones(count, bool))
 
     def track(self, current: PreparedImage) -> Tracked:
         """The points in the next frame."""
+        self._jump = Jump(self._previous, current)
         found = self._matched(current)
         self._last = replace(found, renewals=self._renewals)
-        self._previous = current
-        self._renew_where_needed(current, found)
+        self._hopeless = np.count_nonzero(found.valid) < _HOPELESS * len(self._of)
+        if not self._hopeless:
+            self._previous = current
+            self._renew_where_needed(current, found)
         return self._last
 
     def _matched(self, current: PreparedImage) -> Tracked:
@@ -121,7 +129,10 @@ class Tracker:
         self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, whole: Tracked
     ) -> None:
         start = generation.position_px[mine]
-        result = self._correlate(generation, start, current, self._predicted(generation, mine))
+        guess = self._predicted(generation, mine)
+        if self._hopeless:  # a few will do to tell whether the surface is back
+            guess[np.setdiff1d(np.arange(len(mine)), trial_points(start, self._settings.subset_px))] = np.nan
+        result = self._correlate(generation, start, current, guess)
         if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
             result = self._recovered(generation, mine, current, result)
         generation.before[mine] = generation.shape[mine]
@@ -188,23 +199,13 @@ class Tracker:
     def _recovered(
         self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, first: Correlation
     ) -> Correlation:
-        """After a jump: the motion since the previous frame by flow, then by features, then everything there is."""
-        start, last = generation.position_px[mine], generation.shape[mine]
-        half = self._parameters // 2
-        best = first
-        for finder in (DenseFlow, FeatureMatches):
-            here = start + last[:, [0, half]]
-            known = np.isfinite(here).all(axis=1)
-            step = np.full((len(mine), 6), np.nan)
-            if known.any():
-                step[known] = finder(self._previous, current).at(here[known])
-            found = self._correlate(generation, start, current, _after(last, step))
-            if np.count_nonzero(found.valid) > np.count_nonzero(best.valid):
-                best = found
-            if np.count_nonzero(best.valid) > 0.9 * len(mine):
-                return best
-        found = self._correlate(generation, start, current, best.shape, find=True)
-        return found if np.count_nonzero(found.valid) > np.count_nonzero(best.valid) else best
+        start = generation.position_px[mine]
+
+        def attempt(index: NDArray[np.int64], guess: FloatArray) -> Correlation:
+            return self._correlate(generation, start[index], current, guess)
+
+        images = (generation.image, current)
+        return recovered(first, start, generation.shape[mine], self._jump, images, self._settings.subset_px, attempt)
 
     def _renew_where_needed(self, current: PreparedImage, found: Tracked) -> None:
         valid = found.valid
@@ -235,13 +236,3 @@ class Tracker:
         self._generations[self._newest] = generation
         used = set(self._of.tolist())
         self._generations = {number: kept for number, kept in self._generations.items() if number in used}
-
-
-def _after(shape: FloatArray, step: FloatArray) -> FloatArray:
-    """Affine parts of a shape ``(n, 6 or 12)`` followed by an affine step ``(n, 6)``, as ``(n, 6)``."""
-    half = shape.shape[1] // 2
-    gradient = np.stack([shape[:, [1, 2]], shape[:, [half + 1, half + 2]]], axis=1)
-    more = np.stack([step[:, [1, 2]], step[:, [4, 5]]], axis=1)
-    total = (np.eye(2) + more) @ (np.eye(2) + gradient) - np.eye(2)
-    moved = shape[:, [0, half]] + step[:, [0, 3]]
-    return np.column_stack([moved[:, 0], total[:, 0], moved[:, 1], total[:, 1]])

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray
@@ -15,6 +18,9 @@ _FEATURES = 4000
 
 #: Lowe's ratio: a match counts when the second best is this much farther away.
 _RATIO = 0.8
+
+#: Features of reference images, which are asked for again and again; they go with their image.
+_known: WeakKeyDictionary[PreparedImage, tuple[FloatArray, NDArray[np.float32]]] = WeakKeyDictionary()
 
 #: Matches about a point that a local affine map is fitted to, and how far one may be from its neighbours' map.
 _NEIGHBOURS = 12
@@ -40,20 +46,34 @@ class FeatureMatches:
 
 def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArray, FloatArray]:
     """Places ``(M, 2)`` of matched features and their displacements ``(M, 2)``, px."""
-    finder = cv2.SIFT.create(nfeatures=_FEATURES)
     places: list[FloatArray] = []
     descriptors = []
     for grey, image in zip(eight_bit(reference, current), (reference, current), strict=True):
-        keypoints, described = finder.detectAndCompute(grey, image.mask)
-        if described is None or len(described) < 2:
+        found = _known.get(image) if image is reference else None
+        if found is None:
+            found = _features(grey, image)
+        if image is reference:
+            _known[image] = found
+        if len(found[0]) < 2:
             return np.empty((0, 2)), np.empty((0, 2))
-        places.append(np.array([keypoint.pt for keypoint in keypoints]))
-        descriptors.append(described)
+        places.append(found[0])
+        descriptors.append(found[1])
     pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(descriptors[0], descriptors[1], k=2)
     good = [(p[0].queryIdx, p[0].trainIdx) for p in pairs if p[0].distance < _RATIO * p[1].distance]
     matched = np.array(good, np.int64).reshape(-1, 2)
     start = places[0][matched[:, 0]]
     return start, places[1][matched[:, 1]] - start
+
+
+def _features(grey: NDArray[np.uint8], image: PreparedImage) -> tuple[FloatArray, NDArray[np.float32]]:
+    """Places ``(M, 2)`` of the strongest features and their descriptors ``(M, 128)``; only where the mask is."""
+    x, y, width, height = (0, 0, *grey.shape[::-1]) if image.mask is None else cv2.boundingRect(image.mask)
+    part = (slice(y, y + height), slice(x, x + width))
+    mask = None if image.mask is None else np.ascontiguousarray(image.mask[part])
+    found, described = cv2.SIFT.create(nfeatures=_FEATURES).detectAndCompute(np.ascontiguousarray(grey[part]), mask)
+    if described is None:
+        return np.empty((0, 2)), np.empty((0, 128), np.float32)
+    return np.array([keypoint.pt for keypoint in found]) + np.array([x, y]), described
 
 
 def _consistent(places: FloatArray, moved: FloatArray) -> BoolArray:
