@@ -11,6 +11,7 @@ from bscd.arrays import BoolArray
 from bscd.calibration import Calibration
 from bscd.dic import PreparedImage, prepare
 from bscd.errors import InputError
+from bscd.procedures.measuring.glare import glare
 
 #: Columns on either side of the split line that show neither view alone.
 _BLEND_PX = 4
@@ -46,13 +47,23 @@ class BiprismSplitter:
         self._subset_px = subset_px
 
     def views(self, image: np.ndarray) -> FrameViews:
-        """Both halves ``(H, W)`` share one set of spline coefficients."""
+        """Both halves ``(H, W)`` share one set of spline coefficients; glare is left out."""
         left = prepare(image, mask=self.left_mask, subset_px=self._subset_px, name="frame")
-        return FrameViews(left, replace(left, mask=self._right))
+        halves = FrameViews(left, replace(left, mask=self._right))
+        spoilt = glare(image, self._subset_px)
+        return halves if spoilt is None else FrameViews(_without(halves.left, spoilt), _without(halves.right, spoilt))
+
+
+def _without(view: PreparedImage, spoilt: BoolArray) -> PreparedImage:
+    mask = ~spoilt if view.mask is None else view.mask.view(bool) & ~spoilt
+    return replace(view, mask=mask.view(np.uint8))
 
 
 def pair_views(primary: FrameRecord, auxiliary: FrameRecord, subset_px: int) -> FrameViews:
-    """The standard pair's images."""
-    return FrameViews(
-        *(prepare(np.asarray(frame.data, np.float32), subset_px=subset_px) for frame in (primary, auxiliary))
-    )
+    """The standard pair's images; glare is left out."""
+    views = []
+    for frame in (primary, auxiliary):
+        image = np.asarray(frame.data, np.float32)
+        view, spoilt = prepare(image, subset_px=subset_px), glare(image, subset_px)
+        views.append(view if spoilt is None else _without(view, spoilt))
+    return FrameViews(*views)
