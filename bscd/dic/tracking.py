@@ -13,10 +13,15 @@ from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation, Status
 from bscd.dic.images import PreparedImage
 from bscd.dic.recovery import Jump, recovered, trial_points
+from bscd.dic.sharpness import sharpness_per_px
 from bscd.dic.solver import ShapeName
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
+
+#: A frame less sharp than this share of the reference's sharpness becomes no reference, unless it stays so for so many.
+_SHARP = 0.87
+_PATIENCE = 3
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,7 @@ class Tracker:
         )
         self._previous = reference
         self._hopeless = False
+        self._waited = 0
         self._jump = Jump(reference, reference)
         self._begin(reference, np.ones(count, bool))
 
@@ -217,8 +223,22 @@ class Tracker:
             self._first_zncc = similar
         lost = 1.0 - np.count_nonzero(valid & newest) / np.count_nonzero(newest)
         if similar < (1.0 - self._settings.zncc_fall) * self._first_zncc or lost > self._settings.lost_share:
+            self._waited += 1
+            if self._waited < _PATIENCE and self._is_blurred(current, found):
+                return
             # what is much less alike than the rest is half covered: its old reference shows more of it
             self._begin(current, valid & (found.zncc >= similar - self._settings.zncc_fall))
+        self._waited = 0
+
+    def _is_blurred(self, current: PreparedImage, found: Tracked) -> bool:
+        """Whether a frame shows the points less sharp than their reference: out of focus, or moving."""
+        newest, valid = self._generations[self._newest], found.valid & (self._of == self._newest)
+        places = (newest.position_px[valid], found.position_px[valid])
+        before, now = (
+            sharpness_per_px(image, place, self._settings.subset_px)
+            for image, place in zip((newest.image, current), places, strict=True)
+        )
+        return now < _SHARP * before
 
     def _begin(self, image: PreparedImage, taken: BoolArray) -> None:
         """Make an image the reference of some points; the others keep theirs and may come back there.
