@@ -1,4 +1,4 @@
-"""Ground truth of an acquisition on the digital twin: where the dots really were, and the floor."""
+"""Ground truth of what was measured on the digital twin: where dots and material points really were, and the floor."""
 
 from __future__ import annotations
 
@@ -7,39 +7,44 @@ from typing import Any
 
 import numpy as np
 
-from bscd.acquisition import RunFile
+from bscd.acquisition import FrameRecord, RunFile
 from bscd.analysis.validation import Validation
 from bscd.arrays import FloatArray
-from drivers.interfaces import Frame
+from bscd.results import ResultsFile
+from drivers.clock import Clock
 
 _LEFT = -1
 
 
-class WitnessedCamera:
-    """A twin's camera that remembers the world's state at each of its frames; else the camera itself."""
+class WitnessedWorld:
+    """The twin's world that remembers its state at each exposure; else the world itself."""
 
-    def __init__(self, camera: Any, world: Any) -> None:
-        self._camera = camera
+    def __init__(self, world: Any, clock: Clock) -> None:
         self._world = world
-        self.states: dict[int, Any] = {}
+        self._clock = clock
+        self._states: dict[tuple[str, int], Any] = {}
 
-    def snap(self, timeout_s: float = 5.0) -> Frame:
-        """One frame, as the camera takes it."""
-        frame = self._camera.snap(timeout_s)
-        self.states[frame.frame_id] = self._world.state()
-        return frame
+    def expose(self, camera: str, **settings: Any) -> Any:
+        """One exposure, as the world makes it."""
+        state = self._world.state()
+        self._states[camera, round(self._clock.now_s() * 1e9)] = state
+        return self._world.expose(camera, state=state, **settings)
+
+    def state_at(self, record: FrameRecord) -> Any:
+        """The state that a frame of a recording shows."""
+        return self._states[record.camera, record.camera_time_ns]
 
     def __getattr__(self, name: str) -> Any:
-        """Everything else is the camera's own."""
-        return getattr(self._camera, name)
+        """Everything else is the world's own."""
+        return getattr(self._world, name)
 
 
-def with_truth(found: Validation, run: RunFile, camera: WitnessedCamera, world: Any) -> Validation:
+def with_truth(found: Validation, run: RunFile, world: WitnessedWorld) -> Validation:
     """The validation with the dots' true positions and with the floor (DESIGN section 3).
 
     The floor: the same measured pixels, reconstructed with the twin's exact rays instead of the calibration.
     """
-    states = {record.y_mm: camera.states[record.frame_id] for record in run.frames(camera="primary")}
+    states = {record.y_mm: world.state_at(record) for record in run.frames(camera="primary")}
     truth, floor = np.empty((len(found.index), 3)), np.empty((len(found.index), 3))
     for y_mm in np.unique(found.y_mm):
         here = found.y_mm == y_mm
@@ -49,6 +54,29 @@ def with_truth(found: Validation, run: RunFile, camera: WitnessedCamera, world: 
         pixels = (found.left_px[here], found.right_px[here])
         floor[here] = _nearest_to_rays([world.rays("primary", xy, state) for xy in pixels])
     return replace(found, truth_mm=truth, floor_mm=floor)
+
+
+def truth_w_rms_mm(results: ResultsFile, run: RunFile, world: WitnessedWorld) -> FloatArray:
+    """Root mean square ``(T,)`` of each frame's error of w in the membrane frame; NaN where no point is known.
+
+    The truth of a point is the displacement of the material that its pixel shows in the reference.
+    """
+    frame = results.header.membrane
+    if frame is None:
+        return np.full(len(results), np.nan)
+    states = [world.state_at(record) for record in run.frames("primary", "inflation")]
+    rest = states[results.header.reference_frames[0]]
+    seen = world.surface("primary", results.points_px, rest)
+    speckled = seen.speckled & np.isfinite(seen.material_mm).all(axis=1)
+    material = np.where(speckled[:, None], seen.material_mm, 0.0)
+    at_rest = world.surface_positions(material, rest)
+    rms = np.full(len(results), np.nan)
+    for place, measured in enumerate(results.frames()):
+        moved = world.surface_positions(material, states[measured.number]) - at_rest
+        error = (measured.uvw_mm[:, 2] - moved @ frame.axes[2])[measured.valid & speckled]
+        if error.size:
+            rms[place] = np.sqrt(np.mean(error**2))
+    return rms
 
 
 def _nearest_to_rays(bundles: list[Any]) -> FloatArray:

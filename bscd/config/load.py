@@ -54,7 +54,7 @@ def parse_config(text: str, name: str = "configuration") -> RigConfig:
 
 
 def load_target(path: str | Path) -> TargetFile:
-    """Read the rig.toml beside a manifest ([target], [sphere], [membrane]), or a whole rig's file."""
+    """Read the rig.toml beside a manifest ([target], [sphere], [lens] and the like), or a whole rig's file."""
     return parse_target(_read(Path(path)), str(path))
 
 
@@ -63,7 +63,8 @@ def parse_target(text: str, name: str = "rig.toml") -> TargetFile:
     raw = _parse(text, name)
     if "devices" in raw:
         config = parse_config(text, name)
-        return TargetFile(target=config.target, sphere=config.sphere, membrane=config.membrane)
+        told = {key: getattr(config, key) for key in ("lens", "light", "pattern") if key in raw}
+        return TargetFile(target=config.target, sphere=config.sphere, membrane=config.membrane, **told)
     try:
         return TargetFile.model_validate(raw)
     except ValidationError as err:

@@ -113,6 +113,19 @@ class LightConfig(Section):
     description: str = Field(default="", description="lamps and filter in words")
 
 
+class LensConfig(Section):
+    """The cameras' lens in words, for reports."""
+
+    description: str = Field(default="", description="maker, model and focal length")
+    aperture: str = Field(default="", description="f-number, as it was set")
+
+
+class PatternConfig(Section):
+    """The speckle pattern, for reports."""
+
+    technique: str = Field(default="", description="how the pattern was made, in words")
+
+
 class ScanConfig(Section):
     """The calibration scans."""
 
@@ -188,11 +201,14 @@ class DevicesConfig(Section):
 
 
 class TargetFile(Section):
-    """A rig.toml beside an import's manifest: what was imaged."""
+    """A rig.toml beside an import's manifest: what was imaged, and what a report should say of the setup."""
 
     target: TargetConfig = TargetConfig()
     sphere: SphereConfig | None = None
     membrane: MembraneConfig | None = None
+    lens: LensConfig | None = None
+    light: LightConfig | None = None
+    pattern: PatternConfig | None = None
 
 
 class RigConfig(Section):
@@ -204,6 +220,8 @@ class RigConfig(Section):
     membrane: MembraneConfig = MembraneConfig()
     prism: PrismConfig = PrismConfig()
     light: LightConfig = LightConfig()
+    lens: LensConfig = LensConfig()
+    pattern: PatternConfig = PatternConfig()
     scan: ScanConfig = ScanConfig()
     calibration: CalibrationConfig = CalibrationConfig()
     dic: DicConfig = DicConfig()

@@ -10,7 +10,8 @@ import numpy as np
 
 from bscd.analysis.report.data import ReportData
 from bscd.analysis.report.rounding import duration, number
-from bscd.analysis.report.tables import INTERPOLANTS, SOLVERS, Table
+from bscd.analysis.report.table import Table
+from bscd.analysis.report.tables import INTERPOLANTS, SOLVERS
 from bscd.arrays import FloatArray
 from bscd.calibration import Calibration
 from bscd.version import __version__

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bscd.analysis.report.measurement import MeasurementData
 from bscd.analysis.validation import ErrorFigure, Validation
 from bscd.calibration import Calibration, GridTarget, View
 
@@ -30,7 +31,8 @@ class ReportData:
     ``pos0`` are dots of a second acquisition at POS.0 (corner or face), ``volume`` of one at positions between
     those of the scan; neither took part in the calibration. ``variants`` is ``volume`` once more for each pair
     (solver, interpolant). ``standard_stereo`` is the error of the reference pair. ``examples`` are 8-bit images
-    ``(H, W)`` by their caption. With ``reference_views`` the residuals of the reference pair are shown as well.
+    ``(H, W)`` by their caption. With ``reference_views`` the residuals of the reference pair are shown as well; with
+    a ``measurement`` what was measured with the calibration.
     """
 
     title: str
@@ -49,6 +51,7 @@ class ReportData:
     warnings: Sequence[str] = ()
     examples: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
     reference_views: Sequence[View] = ()
+    measurement: MeasurementData | None = None
 
     @property
     def on_twin(self) -> bool:

@@ -5,26 +5,23 @@ from __future__ import annotations
 import base64
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from numpy.typing import NDArray
 
-from bscd.analysis.figures import house_style
 from bscd.analysis.report.calibration_tables import choices_table, residual_table, runs_table, versions_table
 from bscd.analysis.report.data import ReportData
-from bscd.analysis.report.pictures import Picture, draw_pictures
+from bscd.analysis.report.measurement.page import measurement_cards, measurement_sections
+from bscd.analysis.report.measurement.pictures import measurement_pictures
+from bscd.analysis.report.pictures import draw_pictures
+from bscd.analysis.report.rendering import place_pictures, write_page
 from bscd.analysis.report.rounding import duration, mean_and_std, number
-from bscd.analysis.report.svg import inline_svg
 from bscd.analysis.report.tables import figures_table, thirds_table, variants_table, worst_table
 
-_PNG_DPI = 150
 _EXAMPLE_WIDTH_PX = 1000
 _JPEG_QUALITY = 82
 
@@ -34,23 +31,21 @@ def write_report(data: ReportData, folder: Path) -> Path:
 
     The page needs no network, no script and no other file.
     """
-    pictures = folder / "figures"
-    pictures.mkdir(parents=True, exist_ok=True)
-    drawn = {picture.name: _place(picture, pictures) for picture in draw_pictures(data)}
-    examples = [_place_example(caption, image, pictures) for caption, image in data.examples.items()]
-    environment = Environment(
-        loader=PackageLoader("bscd.analysis.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    text = environment.get_template("report.html").render(
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    pictures = place_pictures(draw_pictures(data), figures)
+    examples = [_place_example(caption, image, figures) for caption, image in data.examples.items()]
+    measured = data.measurement
+    if measured is not None:
+        pictures |= place_pictures(measurement_pictures(measured), figures)
+    return write_page(
+        "report.html",
+        folder,
         data=data,
         started=data.started.strftime("%Y-%m-%d %H:%M %Z").strip(),
         took=duration(data.duration_s),
-        cards=_cards(data),
-        pictures=drawn,
+        cards=_cards(data) + ([] if measured is None else measurement_cards(measured)),
+        pictures=pictures,
         examples=examples,
         figures=figures_table(data),
         variants=variants_table(data),
@@ -61,21 +56,8 @@ def write_report(data: ReportData, folder: Path) -> Path:
         runs=runs_table(data),
         versions=versions_table(data),
         summary=json.dumps(_without_nan(data.summary), indent=2),
+        measurement=None if measured is None else measurement_sections(measured),
     )
-    page = folder / "report.html"
-    unfinished = page.with_name("report.html.part")
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, page)
-    return page
-
-
-def _place(picture: Picture, folder: Path) -> dict[str, str]:
-    """Save the PNG; the SVG with its words for the page."""
-    with house_style():
-        picture.figure.savefig(folder / f"{picture.name}.png", dpi=_PNG_DPI, facecolor="white")
-    svg = inline_svg(picture.figure, picture.name, picture.title)
-    # our own drawing, its texts escaped by matplotlib
-    return {"title": picture.title, "explanation": picture.explanation, "svg": Markup(svg)}  # noqa: S704
 
 
 def _place_example(caption: str, image: NDArray[np.uint8], folder: Path) -> dict[str, str]:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-
-from matplotlib.figure import Figure
 
 from bscd.analysis.figures import (
     draw_depth_thirds,
@@ -16,17 +13,8 @@ from bscd.analysis.figures import (
     draw_sigma_histogram,
 )
 from bscd.analysis.report.data import ReportData
+from bscd.analysis.report.picture import Picture
 from bscd.analysis.report.residuals import camera_residuals
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure, its name (of the file too), its title and its explanation."""
-
-    name: str
-    title: str
-    explanation: str
-    figure: Figure
 
 
 def draw_pictures(data: ReportData) -> Iterator[Picture]:

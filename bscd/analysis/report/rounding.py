@@ -25,9 +25,10 @@ def mean_and_std(figure: ErrorFigure) -> str:
     """Mean ± standard deviation: the smaller with two significant digits, between 0.001 and 0.00001."""
     if figure.count == 0 or not math.isfinite(figure.mean_mm + figure.std_mm):
         return UNKNOWN
-    smaller = min(figure.mean_mm, figure.std_mm) or max(figure.mean_mm, figure.std_mm)
+    mean, std = abs(figure.mean_mm), figure.std_mm
+    smaller = min(mean, std) or max(mean, std)
     decimals = min(max(_decimals(smaller, 2), 3), 5) if smaller > 0.0 else 3
-    return f"{figure.mean_mm:.{decimals}f} ± {figure.std_mm:.{decimals}f}"
+    return f"{figure.mean_mm:.{decimals}f} ± {std:.{decimals}f}".replace("-", MINUS)
 
 
 def duration(seconds: float) -> str:

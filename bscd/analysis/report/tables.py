@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from bscd.analysis.figures.error_volume import worst_dots
 from bscd.analysis.figures.sigma_histogram import error_over_sigma
 from bscd.analysis.report.data import ReportData
 from bscd.analysis.report.rounding import MINUS, mean_and_std, number
+from bscd.analysis.report.table import Table
 from bscd.analysis.validation import Validation
 from bscd.arrays import FloatArray
 
@@ -20,16 +20,6 @@ SOLVERS = {
     "smallest": "smallest shifts that reach d = 0 (the paper's optimisation)",
 }
 INTERPOLANTS = {"smooth": "smooth polynomial", "linear": "piecewise linear on tetrahedra (as the paper)"}
-
-
-@dataclass(frozen=True)
-class Table:
-    """Column heads and rows of text; ``marked`` are the rows to stress, ``name`` is its anchor."""
-
-    name: str
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    marked: Sequence[int] = ()
 
 
 def figures_table(data: ReportData) -> Table:

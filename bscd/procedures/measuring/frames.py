@@ -85,12 +85,16 @@ def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, r
 
 
 def _at_rest(pressure_kpa: FloatArray, phase: PhaseName) -> tuple[int, ...]:
-    """The frames before the ramp."""
-    if phase != "inflation" or not np.isfinite(pressure_kpa[0]):
-        return (0,)
+    """The frames that make the reference."""
+    return tuple(range(min(count_at_rest(pressure_kpa), _MOST_AT_REST) if phase == "inflation" else 1))
+
+
+def count_at_rest(pressure_kpa: FloatArray) -> int:
+    """How many frames come before the ramp of pressures ``(T,)``; 1 where nothing tells rest from ramp."""
+    if not np.isfinite(pressure_kpa[0]):
+        return 1
     rising = ~(np.abs(pressure_kpa - pressure_kpa[0]) <= _AT_REST_KPA)
-    end = int(np.argmax(rising)) if rising.any() else 1
-    return tuple(range(min(end, _MOST_AT_REST)))
+    return int(np.argmax(rising)) if rising.any() else 1
 
 
 def frame_records(run: RunFile, choice: FrameChoice) -> Iterator[tuple[FrameRecord, FrameRecord | None]]:

@@ -73,7 +73,8 @@ def record_inflation(
         send(rig.jacks, rig.raised_mm, writer, "jack")
         rig.primary.configure(exposure_s=recipe.exposure_s, gain_db=recipe.gain_db, frame_rate_hz=recipe.frame_rate_hz)
         source.set_pressure(recipe.rest_kpa)
-        before = _come_to_rest(rig, source, recipe)
+        _come_to_rest(rig, source, recipe)
+        before = source.read()
         expected = lost = incomplete = 0
         first_ns = ramp_begun_s = None
         for number, frame in _streamed(rig, recipe):
@@ -100,17 +101,16 @@ def _told(writer: RunWriter, lost: int, where: str) -> int:
     return lost
 
 
-def _come_to_rest(rig: Rig, source: PressureSource, recipe: InflationRecipe) -> PressureReading:
-    """Wait until the pressure has been at rest for a few readings; the last of them."""
+def _come_to_rest(rig: Rig, source: PressureSource, recipe: InflationRecipe) -> None:
+    """Let the pressure settle, then wait until it has been at rest for a few readings."""
+    rig.clock.sleep(recipe.rest_settle_s)
     allowed_kpa = recipe.rest_tolerance_kpa + 3.0 * _known(source.info().noise_kpa)
     end_s = rig.clock.now_s() + recipe.rest_timeout_s
     at_rest = 0
-    while True:
+    while at_rest < _AT_REST_READINGS:
         reading = source.read()
         at_rest = at_rest + 1 if abs(reading.pressure_kpa - recipe.rest_kpa) <= allowed_kpa else 0
-        if at_rest >= _AT_REST_READINGS:
-            return reading
-        if rig.clock.now_s() >= end_s:
+        if not at_rest and rig.clock.now_s() >= end_s:
             raise CheckFailedError(
                 f"inflation: the pressure is {reading.pressure_kpa:.3f} kPa after {recipe.rest_timeout_s:g} s, not "
                 f"{recipe.rest_kpa:g}; look for a leak, or allow more with rest_tolerance_kpa"

@@ -13,16 +13,20 @@ Kilopascals = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 class _Recipe(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    exposure_s: float | None = Field(None, gt=0.0, le=60.0, description="exposure of the cameras, s; none: as set")
-    gain_db: float | None = Field(None, allow_inf_nan=False, description="gain of the cameras, dB; none: as set")
+    exposure_s: float | None = Field(
+        default=None, gt=0.0, le=60.0, description="exposure of the cameras, s; none: as set"
+    )
+    gain_db: float | None = Field(
+        default=None, allow_inf_nan=False, description="gain of the cameras, dB; none: as set"
+    )
 
 
 class SphereRecipe(_Recipe):
     """Frames of a speckled sphere through the biprism, then of both cameras without it (paper, section 2.2.3)."""
 
-    frames: int = Field(2, ge=1, le=1000, description="frames of a camera with the biprism raised, and lowered")
-    standard_pair: bool = Field(True, description="record the standard stereo pair as well, biprism lowered")
-    settle_s: Seconds = Field(0.2, description="wait after a move, s")
+    frames: int = Field(default=2, ge=1, le=1000, description="frames of a camera with the biprism raised, and lowered")
+    standard_pair: bool = Field(default=True, description="record the standard stereo pair as well, biprism lowered")
+    settle_s: Seconds = Field(default=0.2, description="wait after a move, s")
 
 
 class InflationRecipe(_Recipe):
@@ -31,14 +35,21 @@ class InflationRecipe(_Recipe):
     The pressure follows the set-point with the regulator's lag, so the hold lets it arrive.
     """
 
-    rest_kpa: Kilopascals = Field(0.05, description="gauge pressure of the reference frames, kPa")
-    top_kpa: Kilopascals = Field(16.0, description="set-point at the end of the ramp, kPa")
-    rest_frames: int = Field(24, ge=1, le=10_000, description="frames at rest before the ramp")
-    ramp_s: float = Field(4.0, gt=0.0, le=86_400.0, allow_inf_nan=False, description="duration of the ramp, s")
-    hold_s: Seconds = Field(2.5, description="frames go on for so long at the top, s")
-    frame_rate_hz: float = Field(11.0, gt=0.0, le=10_000.0, allow_inf_nan=False, description="frames a second")
-    rest_tolerance_kpa: float = Field(0.02, gt=0.0, allow_inf_nan=False, description="how near rest must be, kPa")
-    rest_timeout_s: float = Field(30.0, gt=0.0, le=3600.0, description="how long it may take to come to rest, s")
+    rest_kpa: Kilopascals = Field(default=0.05, description="gauge pressure of the reference frames, kPa")
+    top_kpa: Kilopascals = Field(default=16.0, description="set-point at the end of the ramp, kPa")
+    rest_frames: int = Field(default=24, ge=1, le=10_000, description="frames at rest before the ramp")
+    ramp_s: float = Field(default=4.0, gt=0.0, le=86_400.0, allow_inf_nan=False, description="duration of the ramp, s")
+    hold_s: Seconds = Field(default=2.5, description="frames go on for so long at the top, s")
+    frame_rate_hz: float = Field(default=11.0, gt=0.0, le=10_000.0, allow_inf_nan=False, description="frames a second")
+    rest_settle_s: Seconds = Field(
+        default=5.0, description="wait before the first frame; a slack membrane rises 5 mm a kPa near rest, s"
+    )
+    rest_tolerance_kpa: float = Field(
+        default=0.02, gt=0.0, allow_inf_nan=False, description="how near rest must be, kPa"
+    )
+    rest_timeout_s: float = Field(
+        default=30.0, gt=0.0, le=3600.0, description="how long it may take to come to rest, s"
+    )
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
