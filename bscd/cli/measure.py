@@ -11,6 +11,7 @@ from bscd.acquisition import PhaseName, RunFile
 from bscd.acquisition.images import read_grey
 from bscd.calibration import Calibration
 from bscd.cli.following import following
+from bscd.cli.measurement_report import check_report_folder, report_measurement
 from bscd.dic.solver import ShapeName
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
@@ -46,6 +47,7 @@ def register(app: typer.Typer) -> None:
         threads: Annotated[
             int | None, typer.Option(min=1, help="Threads of the correlator; default: all cores.")
         ] = None,
+        report: Annotated[Path | None, typer.Option(help="Also write a report.html with figures here.")] = None,
     ) -> None:
         """Measure a run: DIC and 3D for every frame.
 
@@ -53,6 +55,7 @@ def register(app: typer.Typer) -> None:
         """
         if out.exists():
             raise InputError(f"{out}: exists already; results are never overwritten, choose another name")
+        check_report_folder(report)
         settings = MeasureSettings(
             step_px=step,
             subset_px=subset,
@@ -68,14 +71,24 @@ def register(app: typer.Typer) -> None:
             threads=threads,
         )
         loaded = Calibration.load(calibration)
+        warnings: list[str] = []
+
+        def warn(text: str) -> None:
+            warnings.append(text)
+            _warn(text)
+
         with RunFile(run) as source, following("Measuring", "frames") as progress:
             header = measure_to_file(
-                loaded, source, out, settings, calibration_name=calibration.name, progress=progress, warn=_warn
+                loaded, source, out, settings, calibration_name=calibration.name, progress=progress, warn=warn
             )
         with ResultsFile(out) as results:
             counts = count_points(results.frames())
             frames = f"{len(results)} {header.parameters['phase']} frames"
         typer.echo(f"{out}: {frames} of {len(header.points_px)} points: {counts.text(header.status_names)}")
+        if report is not None:
+            with RunFile(run) as source:
+                page = report_measurement(loaded, source, out, settings, report, warnings=warnings, warn=_warn)
+            typer.echo(f"{page}")
 
 
 def _warn(text: str) -> None:
