@@ -85,10 +85,7 @@ def measure_run(
     limit = settings.epipolar_limit_px or _EPIPOLAR_TIMES * calibration.epipolar_limit_px
     sequence = Sequence(reference, points, geometry, settings, noise, limit)
     if not sequence.reference.valid.any():
-        raise InputError(
-            f"{run.path}: the reference frame's left and right view match nowhere inside the calibrated volume; "
-            f"is the calibration of this rig, and is the object in the volume?"
-        )
+        raise InputError(f"{run.path}: {_why_nothing(sequence.reference, limit)}")
     _warn_if_moved(calibration, sequence.reference, settings, say)
     frame = _membrane_frame(sequence.reference, choice, say)
     gauge = _gauge(points, sequence.reference, frame, settings, say)
@@ -155,6 +152,21 @@ def _reference(run: RunFile, choice: FrameChoice, to_views: ToViews) -> tuple[Fr
 
 def _with_data(record: FrameRecord, data: np.ndarray) -> FrameRecord:
     return FrameRecord(record.camera, record.phase, data, frame_id=record.frame_id)
+
+
+def _why_nothing(reference: Measured, limit_px: float) -> str:
+    """Why no point of the reference could be measured."""
+    beside = reference.epipolar_px[reference.status == PointStatus.EPIPOLAR]
+    if len(beside) > np.count_nonzero(reference.status == PointStatus.OUTSIDE_VOLUME):
+        return (
+            f"the reference frame's left and right view match, but {np.median(beside):.1f} px (median) beside their "
+            f"epipolar lines, limit {limit_px:g}; the calibration is of another rig, or camera or biprism have moved "
+            f"since: calibrate again"
+        )
+    return (
+        "the reference frame's left and right view match nowhere inside the calibrated volume; "
+        "is the calibration of this rig, and is the object in the volume?"
+    )
 
 
 def _warn_if_moved(
