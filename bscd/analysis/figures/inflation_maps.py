@@ -97,10 +97,10 @@ def draw_own_scales(
     """
     count = len(panels)
     each_in = WIDTH_IN / count
-    side_in = each_in - 1.05
+    side_in = each_in - 1.1
     figure = new_figure(side_in + 1.25)
     for place, (title, unit, values) in enumerate(panels):
-        left_in = 0.5 + place * each_in
+        left_in = 0.58 + place * each_in
         axes = _panel(figure, left_in, 0.72, side_in)
         scale: Normalize = limits_of(values, share=_SHOWN_SHARE)
         paint_map(axes, places_mm, values, ERROR_COLOURS, scale)
@@ -111,7 +111,7 @@ def draw_own_scales(
         figure.colorbar(ScalarMappable(scale, ERROR_COLOURS), cax=bar_axes, extend="both").set_label(unit, labelpad=2.0)
         known = values[np.isfinite(values)]
         if known.size:
-            axes.set_xlabel(f"{names[0]}\nmedian {np.median(known):.3g} {unit}")
+            axes.set_xlabel(f"{names[0]}\nmedian {np.median(known):.3g}")
     return figure
 
 

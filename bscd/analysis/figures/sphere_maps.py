@@ -101,7 +101,9 @@ def _draw_row(figure: Figure, panels: Sequence[tuple[Deviations, Normalize, str]
 
 
 def _label(axes: Axes, one: Deviations, *, first: bool) -> None:
-    mean, std = (f"{1e3 * value:.1f}".replace("-", "\N{MINUS SIGN}") for value in (one.mean_mm, one.std_mm))
+    mean, std = (
+        f"{round(1e3 * value, 1) + 0.0:.1f}".replace("-", "\N{MINUS SIGN}") for value in (one.mean_mm, one.std_mm)
+    )
     axes.set_xlabel(f"x (mm)\n{mean} ± {std} µm")
     if first:
         axes.set_ylabel("z (mm)")

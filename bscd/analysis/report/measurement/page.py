@@ -13,9 +13,9 @@ from bscd.analysis.report.measurement.data import MeasurementData
 from bscd.analysis.report.measurement.pictures import measurement_pictures
 from bscd.analysis.report.measurement.tables import measured_table, merits_table, practice_tables, validity_table
 from bscd.analysis.report.rendering import place_pictures, write_page
-from bscd.analysis.report.rounding import UNKNOWN, mean_and_std, number
+from bscd.analysis.report.rounding import MINUS, UNKNOWN, number
 from bscd.analysis.report.table import Table
-from bscd.analysis.validation import ErrorFigure
+from bscd.analysis.surface import SphereFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +72,9 @@ def measurement_cards(data: MeasurementData) -> list[dict[str, str]]:
         cards.append(
             {
                 "name": "Sphere, radial deviation",
-                "value": UNKNOWN if fit is None else mean_and_std(ErrorFigure(fit.mean_mm, fit.std_mm, 1)),
-                "unit": "mm",
-                "note": ""
-                if before is None
-                else f"{mean_and_std(ErrorFigure(before.mean_mm, before.std_mm, 1))} mm before correction",
+                "value": _deviation_um(fit),
+                "unit": "µm",
+                "note": "" if before is None else f"{_deviation_um(before)} µm before correction",
             }
         )
     if data.inflation is not None:
@@ -104,3 +102,10 @@ def measurement_cards(data: MeasurementData) -> list[dict[str, str]]:
                 }
             )
     return cards
+
+
+def _deviation_um(fit: SphereFit | None) -> str:
+    if fit is None:
+        return UNKNOWN
+    mean, std = round(1e3 * fit.mean_mm, 1) + 0.0, 1e3 * fit.std_mm
+    return f"{mean:.1f} ± {std:.1f}".replace("-", MINUS)

@@ -86,7 +86,7 @@ def _sphere_pictures(sphere: SphereData) -> Iterator[Picture]:
             "without a pattern, else camera or biprism have moved since the calibration.",
             draw_own_scales(
                 noisy.xyz_mm[:, [0, 2]],
-                [*panels, ("Epipolar residual", "px", np.where(noisy.valid, noisy.epipolar_px, np.nan))],
+                [*panels, ("Epipolar residual", "0.001 px", 1e3 * np.where(noisy.valid, noisy.epipolar_px, np.nan))],
                 noisy.extrapolated,
                 names=("x (mm)", "z (mm)"),
             ),
@@ -162,7 +162,7 @@ def _inflation_pictures(data: InflationData) -> Iterator[Picture]:
                 ("Sigma along x", "µm", x),
                 ("Sigma along y (depth)", "µm", y),
                 ("Sigma along z", "µm", z),
-                ("Epipolar residual", "px", np.where(shown.valid, shown.epipolar_px, np.nan)),
+                ("Epipolar residual", "0.001 px", 1e3 * np.where(shown.valid, shown.epipolar_px, np.nan)),
             ],
             shown.extrapolated,
         ),

@@ -34,7 +34,7 @@ def measured_table(data: MeasurementData) -> Table:
         strain = np.nanmax(series.e1_max) if np.isfinite(series.e1_max).any() else float("nan")
         rows += [
             ("Membrane, largest w", _with(float(top), "mm"), ""),
-            ("Membrane, w in the middle at 13 kPa", _at_13_kpa(data), "about 6 mm"),
+            ("Membrane, w in the middle at 13 kPa, since the reference", _at_13_kpa(data), "about 6 mm"),
             ("Membrane, largest first principal strain", _with(100.0 * float(strain), "%"), ""),
             ("Membrane, frames", f"{len(series.number)}, {inflation.frames_lost} lost between them", ""),
             ("Membrane, frames a second", _with(inflation.frames_per_s, ""), "11"),
