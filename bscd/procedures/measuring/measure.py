@@ -20,6 +20,7 @@ from bscd.dic import estimate_noise
 from bscd.errors import InputError
 from bscd.procedures.measuring.frames import FrameChoice, choose_frames, frame_records
 from bscd.procedures.measuring.geometry import BiprismGeometry, StandardGeometry
+from bscd.procedures.measuring.overlap import one_ahead, plain_linear_algebra
 from bscd.procedures.measuring.region import covered_mask, requested_points
 from bscd.procedures.measuring.sequence import Measured, PointStatus, Sequence
 from bscd.procedures.measuring.settings import MeasureSettings
@@ -62,6 +63,8 @@ def measure_run(
 ) -> Measurement:
     """Begin to measure; the frames are read and matched one at a time, so memory does not grow with their number.
 
+    Unless ``threads`` is 1 a frame is read and the next is matched, each on a thread, while one's result is used.
+
     Raises `InputError` for a calibration, run or settings that do not fit each other. What can not be measured in a
     frame is NaN there with its reason as status.
     """
@@ -95,7 +98,7 @@ def measure_run(
         choice,
         sequence,
         frame,
-        _frames(run, choice, to_views, sequence, frame, gauge, progress),
+        _frames(run, choice, to_views, sequence, frame, gauge, progress, overlap=settings.threads != 1),
     )
 
 
@@ -217,12 +220,15 @@ def _frames(
     frame: FittedFrame | None,
     gauge: StrainGauge | None,
     progress: ProgressCallback | None,
+    overlap: bool,
 ) -> Iterator[FrameResult]:
-    for number, (primary, auxiliary) in enumerate(frame_records(run, choice)):
-        measured = sequence.measure(to_views(primary, auxiliary))
-        yield _result(number, primary, measured, frame, gauge)
-        if progress is not None:
-            progress(Progress(number + 1, len(choice), f"{choice.phase} frame {number}"))
+    read = ((primary, to_views(primary, auxiliary)) for primary, auxiliary in frame_records(run, choice))
+    matched = ((primary, sequence.measure(views)) for primary, views in (one_ahead(read) if overlap else read))
+    with plain_linear_algebra():
+        for number, (primary, measured) in enumerate(one_ahead(matched) if overlap else matched):
+            yield _result(number, primary, measured, frame, gauge)
+            if progress is not None:
+                progress(Progress(number + 1, len(choice), f"{choice.phase} frame {number}"))
 
 
 def _result(
