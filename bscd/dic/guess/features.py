@@ -70,6 +70,8 @@ def _features(grey: NDArray[np.uint8], image: PreparedImage) -> tuple[FloatArray
     x, y, width, height = (0, 0, *grey.shape[::-1]) if image.mask is None else cv2.boundingRect(image.mask)
     part = (slice(y, y + height), slice(x, x + width))
     mask = None if image.mask is None else np.ascontiguousarray(image.mask[part])
+    if not (width and height):
+        return np.empty((0, 2)), np.empty((0, 128), np.float32)
     found, described = cv2.SIFT.create(nfeatures=_FEATURES).detectAndCompute(np.ascontiguousarray(grey[part]), mask)
     if described is None:
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
