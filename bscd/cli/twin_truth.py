@@ -44,11 +44,12 @@ def with_truth(found: Validation, run: RunFile, world: WitnessedWorld) -> Valida
 
     The floor: the same measured pixels, reconstructed with the twin's exact rays instead of the calibration.
     """
-    states = {record.y_mm: world.state_at(record) for record in run.frames(camera="primary")}
+    states = {
+        (record.phase == "bsc-face", record.y_mm): world.state_at(record) for record in run.frames(camera="primary")
+    }
     truth, floor = np.empty((len(found.index), 3)), np.empty((len(found.index), 3))
-    for y_mm in np.unique(found.y_mm):
-        here = found.y_mm == y_mm
-        state = states[y_mm]
+    for (face_pose, y_mm), state in states.items():
+        here = (found.face_pose == face_pose) & (found.y_mm == y_mm)
         seen = next(view for view in world.dots("primary", state) if view.side == _LEFT)
         truth[here] = seen.xyz_mm[np.searchsorted(seen.index, found.index[here])]
         pixels = (found.left_px[here], found.right_px[here])

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from bscd.acquisition import RunFile
+from bscd.acquisition import PhaseName, RunFile
 from bscd.analysis.report import RunOrigin
 from bscd.analysis.validation import ErrorFigure
 from bscd.calibration import Calibration, View
@@ -52,18 +52,23 @@ def calibrate(rig: Rig, config: RigConfig, text: str, out: Path) -> Calibrated:
 
 
 def second_acquisition(rig: Rig, config: RigConfig, text: str, out: Path) -> dict[str, Sequence[View]]:
-    """The face at POS.0 once more, and between the positions, turned by a few degrees; the dots of both."""
+    """The face at POS.0 once more, and every scanned pose between the positions, turned by a few degrees; their dots.
+
+    All poses, so that the whole calibrated volume is held against dots that took no part.
+    """
     target = config.target.grid()
-    recipe = _recipe(config, kind="bsc", poses=("face",))
+    again = _recipe(config, kind="bsc", poses=("face",)).model_copy(update={"y_offsets_mm": (0.0,)})
     with following("Validation scan") as progress:
-        again = recipe.model_copy(update={"y_offsets_mm": (0.0,)})
         record_scan(rig, again, target, out / "pos0.h5", title="face at POS.0 once more", config_text=text)
+        recipe = _recipe(config, kind="bsc")
         record_validation(rig, recipe, target, out / "between.h5", config_text=text, progress=progress)
+    scanned: list[PhaseName] = ["bsc-corner", "bsc-face"] if "corner" in config.scan.poses else ["bsc-face"]
+    phases: dict[str, list[PhaseName]] = {"pos0": ["bsc-face"], "between": scanned}
     views = {}
     with following("Validation", "images") as progress:
-        for name in ("pos0", "between"):
+        for name, wanted in phases.items():
             with RunFile(out / f"{name}.h5") as run:
-                views[name] = observe(run, target, "bsc", phases=["bsc-face"], progress=progress).views
+                views[name] = observe(run, target, "bsc", phases=wanted, progress=progress).views
     return views
 
 

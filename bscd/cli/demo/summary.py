@@ -68,7 +68,6 @@ def told(summary: dict[str, Any]) -> list[str]:
 
 
 def _deviation(shape: Shape) -> dict[str, float]:
-    fit = shape.fixed
-    if fit is None:
+    if shape.fixed is None:
         raise CheckFailedError(f"no sphere fits what the demo measured ({shape.name}); look at sphere-result.h5")
-    return {"mean": fit.mean_mm, "std": fit.std_mm}
+    return shape.deviation(shape.fixed).summary()

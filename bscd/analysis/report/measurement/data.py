@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bscd.analysis.surface import NoiseFloor, SphereFit
+from bscd.analysis.validation import ErrorFigure
 from bscd.arrays import BoolArray, FloatArray
 
 NOT_RECORDED = "not recorded"
@@ -38,6 +39,10 @@ class Shape:
     def fit(self) -> SphereFit | None:
         """The sphere that deviations are shown from: of the nominal radius where there is one."""
         return self.fixed or self.free
+
+    def deviation(self, fit: SphereFit, *, outliers: bool = False) -> ErrorFigure:
+        """Radial deviations of the valid points that took part in a fit, with ``outliers`` of all valid ones."""
+        return ErrorFigure.of(fit.deviation_mm[self.valid if outliers else self.valid & fit.used])
 
 
 @dataclass(frozen=True, eq=False)

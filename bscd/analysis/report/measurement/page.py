@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from bscd.analysis.report.measurement.data import MeasurementData
+from bscd.analysis.report.measurement.data import MeasurementData, Shape
 from bscd.analysis.report.measurement.pictures import measurement_pictures
 from bscd.analysis.report.measurement.tables import measured_table, merits_table, practice_tables, validity_table
 from bscd.analysis.report.rendering import place_pictures, write_page
 from bscd.analysis.report.rounding import MINUS, UNKNOWN, number
 from bscd.analysis.report.table import Table
-from bscd.analysis.surface import SphereFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +67,11 @@ def measurement_cards(data: MeasurementData) -> list[dict[str, str]]:
     sphere = data.sphere
     main = None if sphere is None else sphere.after or sphere.standard
     if sphere is not None and main is not None:
-        fit, before = main.fit, None if sphere.before is None else sphere.before.fit
+        before = None if sphere.before is None or sphere.before is main else sphere.before
         cards.append(
             {
                 "name": "Sphere, radial deviation",
-                "value": _deviation_um(fit),
+                "value": _deviation_um(main),
                 "unit": "µm",
                 "note": "" if before is None else f"{_deviation_um(before)} µm before correction",
             }
@@ -104,8 +103,8 @@ def measurement_cards(data: MeasurementData) -> list[dict[str, str]]:
     return cards
 
 
-def _deviation_um(fit: SphereFit | None) -> str:
-    if fit is None:
+def _deviation_um(shape: Shape) -> str:
+    if shape.fit is None:
         return UNKNOWN
-    mean, std = round(1e3 * fit.mean_mm, 1) + 0.0, 1e3 * fit.std_mm
-    return f"{mean:.1f} ± {std:.1f}".replace("-", MINUS)
+    figure = shape.deviation(shape.fit)
+    return f"{round(1e3 * figure.mean_mm, 1) + 0.0:.1f} ± {1e3 * figure.std_mm:.1f}".replace("-", MINUS)

@@ -43,8 +43,8 @@ def deviations(shape: Shape | None) -> Deviations | None:
         name=shape.name[:1].upper() + shape.name[1:],
         places_mm=shape.xyz_mm[:, [0, 2]],
         deviation_mm=np.where(shape.valid, fit.deviation_mm, np.nan),
-        mean_mm=fit.mean_mm,
-        std_mm=fit.std_mm,
+        mean_mm=shape.deviation(fit).mean_mm,
+        std_mm=shape.deviation(fit).std_mm,
         extrapolated=shape.extrapolated,
         sigma_mm=np.where(shape.valid, np.sqrt(np.sum((normal * shape.sigma_mm) ** 2, axis=1)), np.nan),
     )

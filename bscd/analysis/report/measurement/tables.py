@@ -10,7 +10,6 @@ from bscd.analysis.report.measurement.pictures import deviations
 from bscd.analysis.report.rounding import UNKNOWN, mean_and_std, number
 from bscd.analysis.report.table import Table
 from bscd.analysis.surface import SphereFit
-from bscd.analysis.validation import ErrorFigure
 
 
 def measured_table(data: MeasurementData) -> Table:
@@ -24,7 +23,7 @@ def measured_table(data: MeasurementData) -> Table:
             (sphere.standard, ""),
         ):
             if shape is not None:
-                rows.append((f"Sphere, radial deviation, {shape.name}", _deviation(shape.fit), paper))
+                rows.append((f"Sphere, radial deviation, {shape.name}", _deviation(shape, shape.fit), paper))
         main = sphere.after or sphere.standard
         if main is not None:
             rows.append((f"Sphere, radius, {main.name}", _radius(main.free), "18.265 ± 0.065 mm (spherometer)"))
@@ -55,11 +54,17 @@ def merits_table(sphere: SphereData) -> Table:
     names: list[tuple[str, list[str]]] = []
     if sphere.radius_mm is not None:
         title = f"Radial deviation, radius fixed at {number(sphere.radius_mm, 5)} mm"
-        names.append((title, [_deviation(shape.fixed) for shape in shapes]))
+        names.append((title, [_deviation(shape, shape.fixed) for shape in shapes]))
+        names.append(
+            (
+                "The same with outliers, all valid points",
+                [_deviation(shape, shape.fixed, outliers=True) for shape in shapes],
+            )
+        )
     names += [
-        ("Radial deviation, radius free", [_deviation(shape.free) for shape in shapes]),
+        ("Radial deviation, radius free", [_deviation(shape, shape.free) for shape in shapes]),
         ("Radius, free", [_radius(shape.free) for shape in shapes]),
-        ("Points left out of the fit as outliers", [_left_out(shape) for shape in shapes]),
+        ("Outliers to which the fit gave no weight", [_left_out(shape) for shape in shapes]),
         ("Stated sigma of x, y (depth), z, median", [_sigma(shape) for shape in shapes]),
         ("Stated sigma along the radius, rms", [_radial(found[shape.name]) for shape in shapes]),
         ("Points measured, of those with texture", [f"{shape.valid.sum()} of {len(shape.valid)}" for shape in shapes]),
@@ -107,10 +112,8 @@ def _counted(sphere: SphereData | None) -> list[Shape]:
     return [shape for shape in (sphere.after, sphere.standard) if shape is not None]
 
 
-def _deviation(fit: SphereFit | None) -> str:
-    if fit is None:
-        return UNKNOWN
-    return f"{mean_and_std(ErrorFigure(fit.mean_mm, fit.std_mm, int(fit.used.sum())))} mm"
+def _deviation(shape: Shape, fit: SphereFit | None, *, outliers: bool = False) -> str:
+    return UNKNOWN if fit is None else f"{mean_and_std(shape.deviation(fit, outliers=outliers))} mm"
 
 
 def _radius(fit: SphereFit | None) -> str:
