@@ -14,24 +14,16 @@ from bscd.calibration.triangulation import Triangulated
 class ImageCovariances:
     """What is known of N points' images in a frame, in px^2; the point is defined by the left reference image.
 
-    ``left_px2`` and ``right_px2`` ``(N, 2, 2)``: of the tracking from the reference frame to this one in the two
-    views. ``stereo_px2`` ``(N, 2, 2)``: of the match of the reference's left and right view, which all frames share.
-    ``onward`` ``(N, 2, 2)``: deformation gradient of the right view since the reference; it carries the match's error
-    on.
+    ``tracking_px2`` ``(N, 4, 4)``: of the tracking from the reference frame to this one, as (left column, left row,
+    right column, right row). ``stereo_px2`` ``(N, 2, 2)``: of the match of the reference's left and right view, which
+    all frames share. ``onward`` ``(N, 2, 2)``: deformation gradient of the right view since the reference; it carries
+    the match's error on. ``position_px2`` ``(N, 4, 4)``: of both images' places in this frame.
     """
 
-    left_px2: FloatArray
-    right_px2: FloatArray
+    tracking_px2: FloatArray
     stereo_px2: FloatArray
     onward: FloatArray
-
-    @property
-    def position_px2(self) -> FloatArray:
-        """Covariance ``(N, 4, 4)`` of (left column, left row, right column, right row) in this frame."""
-        whole = np.zeros((len(self.left_px2), 4, 4))
-        whole[:, :2, :2] = self.left_px2
-        whole[:, 2:, 2:] = self.right_px2 + self.onward @ self.stereo_px2 @ np.swapaxes(self.onward, 1, 2)
-        return whole
+    position_px2: FloatArray
 
 
 def displacement_covariance(
@@ -44,10 +36,8 @@ def displacement_covariance(
     without a map). The reference points' own uncertainty is a rigid motion and a scale, which cancel but for 1e-4 of
     the displacement.
     """
-    left, right = now.jacobian[:, :, :2], now.jacobian[:, :, 2:]
-    stereo = right @ images.onward - reference.jacobian[:, :, 2:]
-    total = left @ images.left_px2 @ np.swapaxes(left, 1, 2)
-    total += right @ images.right_px2 @ np.swapaxes(right, 1, 2)
+    stereo = now.jacobian[:, :, 2:] @ images.onward - reference.jacobian[:, :, 2:]
+    total = now.covariance_mm2(images.tracking_px2)
     total += stereo @ images.stereo_px2 @ np.swapaxes(stereo, 1, 2)
     if map_difference_px2 is not None:
         total += now.covariance_mm2(map_difference_px2)

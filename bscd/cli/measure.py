@@ -12,10 +12,9 @@ from bscd.acquisition.images import read_grey
 from bscd.calibration import Calibration
 from bscd.cli.following import following
 from bscd.cli.measurement_report import check_report_folder, report_measurement
-from bscd.dic.solver import ShapeName
+from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
-from bscd.procedures.measuring.settings import StereoShape
 from bscd.results import ResultsFile, StereoSource, count_points
 
 
@@ -36,10 +35,11 @@ def register(app: typer.Typer) -> None:
         region: Annotated[
             Path | None, typer.Option(help="Image that is white where points are wanted in the left view.")
         ] = None,
-        stereo_shape: Annotated[StereoShape, typer.Option(help="Shape function of the stereo match.")] = "auto",
-        tracking_shape: Annotated[
-            ShapeName, typer.Option(help="Shape function of the tracking; quadratic follows steep strains.")
-        ] = "affine",
+        stereo_shape: Annotated[ShapeName, typer.Option(help="Shape function of the stereo match.")] = "curved",
+        tracking_shape: Annotated[ShapeName, typer.Option(help="Shape function of the tracking.")] = "curved",
+        lighting: Annotated[
+            Lighting, typer.Option(help="How light may change over a subset: by a gain, or linearly across it too.")
+        ] = "linear",
         vsg: Annotated[float, typer.Option(help="Largest virtual strain gauge, mm.")] = 6.0,
         strain: Annotated[bool, typer.Option(help="Strains as well.")] = True,
         extrapolate: Annotated[bool, typer.Option(help="Keep points outside the calibrated hull, marked.")] = False,
@@ -64,6 +64,7 @@ def register(app: typer.Typer) -> None:
             region=None if region is None else read_grey(region).data > 0,
             stereo_shape=stereo_shape,
             tracking_shape=tracking_shape,
+            lighting=lighting,
             vsg_mm=vsg,
             strain=strain,
             extrapolate=extrapolate,

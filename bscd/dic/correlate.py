@@ -11,7 +11,7 @@ from bscd.dic.correlation import Correlation, Status
 from bscd.dic.images import PreparedImage, prepare
 from bscd.dic.matching import Matching
 from bscd.dic.noise import Image, estimate_noise
-from bscd.dic.solver import PARAMETERS, ShapeName, SolverOptions, with_noise
+from bscd.dic.solver import LIGHTINGS, PARAMETERS, Lighting, ShapeName, SolverOptions, with_noise
 from bscd.dic.spline import SplineName
 from bscd.errors import InputError
 
@@ -25,6 +25,7 @@ def correlate(
     guess_px: FloatArray | None = None,
     find_guesses: bool = True,
     shape: ShapeName = "affine",
+    lighting: Lighting = "uniform",
     interpolation: SplineName = "quintic",
     reference_mask: BoolArray | None = None,
     current_mask: BoolArray | None = None,
@@ -54,8 +55,14 @@ def correlate(
     find_guesses
         False: nothing but the given guesses and what propagates from them.
     shape
-        "affine" (6 parameters), "quadratic" (12, for steep gradients; about twice the noise) or "translation" (2,
-        for gradients below about 0.01; a tenth less noise; gradients of a given guess ``(N, 6)`` are held).
+        "affine" (6 parameters), "quadratic" (12, for steep gradients; about twice the noise), "curved" (affine on the
+        second derivatives of a given guess ``(N, 12)``, which are held: steep gradients with the noise of "affine";
+        `Curvature` takes them from a field) or "translation" (2, for gradients below about 0.01; a tenth less noise;
+        gradients of a given guess ``(N, 6)`` are held).
+    lighting
+        "uniform": ZNSSD's own gain and offset. "linear": the gain may change linearly across the subset too, as when a
+        surface turns under its lamps: shading that would pull a match along with it is taken out, for some per cent
+        more noise. It takes grey level 0 for black.
     reference_mask, current_mask
         ``(H, W)``, True where pixels may be used.
     noise_grey
@@ -77,7 +84,7 @@ def correlate(
         `Status` says why.
     """
     points = _checked_points(points_px)
-    _check_settings(subset_px, search_px, zncc_min, tolerance_px, max_iterations, threads, shape)
+    _check_settings(subset_px, search_px, zncc_min, tolerance_px, max_iterations, threads, shape, lighting)
     first = _prepared(reference, reference_mask, interpolation, subset_px, "reference image")
     second = _prepared(current, current_mask, interpolation, subset_px, "current image")
     if first.shape != second.shape or first.grey.dtype != second.grey.dtype:
@@ -91,6 +98,7 @@ def correlate(
     options = SolverOptions(
         subset_px=subset_px,
         shape=shape,
+        lighting=lighting,
         max_iterations=max_iterations,
         tolerance_px=tolerance_px,
         reach_px=max(8.0, subset_px / 2.0),
@@ -116,12 +124,16 @@ def _described(matching: Matching, noise: tuple[float, float]) -> Correlation:
     covariance[:, 0, 1] = covariance[:, 1, 0] = solved.column("cov_uv")
     covariance[:, 1, 1] = solved.column("var_v")
     covariance *= np.where(valid, variance, np.nan)[:, None, None]
+    gradient = shape[:, [1, 2, half + 1, half + 2]].reshape(-1, 2, 2)
+    # the kernel's are of the step in the reference; the current image is deformed
+    onward = np.eye(2) + gradient
+    covariance = onward @ covariance @ np.swapaxes(onward, 1, 2)
     refused = solved.status == Status.LOW_ZNCC
     return Correlation(
         displacement_px=shape[:, [0, half]],
         sigma_px=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
         covariance_px2=covariance,
-        gradient=shape[:, [1, 2, half + 1, half + 2]].reshape(-1, 2, 2),
+        gradient=gradient,
         shape=shape,
         zncc=np.where(valid | refused, solved.column("zncc"), np.nan),
         residual_grey=np.where(valid, np.sqrt(residual), np.nan),
@@ -208,9 +220,12 @@ def _check_settings(
     max_iterations: int,
     threads: int | None,
     shape: str,
+    lighting: str,
 ) -> None:
     if shape not in PARAMETERS:
         raise InputError(f"shape: {shape!r} is no shape function; {', '.join(PARAMETERS)} are known")
+    if lighting not in LIGHTINGS:
+        raise InputError(f"lighting: {lighting!r} is not known; {' or '.join(LIGHTINGS)}")
     for name, value in (("subset_px", subset_px), ("search_px", search_px)):
         if not isinstance(value, (int, np.integer)) or value < 5 or value % 2 == 0:
             raise InputError(f"{name}: is {value}, an odd number of pixels from 5 is needed")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.arrays import BoolArray, FloatArray
+from bscd.arrays import BoolArray, FloatArray, IntArray
 
 
 class Status(IntEnum):
@@ -87,3 +87,17 @@ class Correlation:
         """How many points started from which guess."""
         counts = np.bincount(self.guess, minlength=len(GuessSource))
         return {source: int(counts[source]) for source in GuessSource if counts[source]}
+
+    def only(self, which: BoolArray) -> Correlation:
+        """Some of the points, ``which`` ``(N,)``."""
+        return replace(self, **{name: values[which] for name, values in self._by_point().items()})
+
+    def updated(self, index: IntArray, other: Correlation) -> Correlation:
+        """With the rows ``index`` ``(n,)`` taken from another match of those points."""
+        theirs, ours = other._by_point(), {name: values.copy() for name, values in self._by_point().items()}
+        for name, values in ours.items():
+            values[index] = theirs[name]
+        return replace(self, **ours)
+
+    def _by_point(self) -> dict[str, NDArray]:
+        return {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "noise_grey"}

@@ -41,6 +41,7 @@ class OptionsStruct(ctypes.Structure):
         ("radius", ctypes.c_int32),
         ("parameters", ctypes.c_int32),
         ("solved", ctypes.c_int32),
+        ("lit", ctypes.c_int32),
         ("max_iterations", ctypes.c_int32),
         ("min_pixels", ctypes.c_int32),
         ("tolerance_px", ctypes.c_double),

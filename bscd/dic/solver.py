@@ -17,13 +17,18 @@ from bscd.dic.images import PreparedImage
 from bscd.dic.library import FOUND_COLUMNS, ImageStruct, InstructionSet, OptionsStruct, library
 from bscd.dic.spline import noise_energy, taps
 
-ShapeName = Literal["translation", "affine", "quadratic"]
+ShapeName = Literal["translation", "affine", "curved", "quadratic"]
 
-PARAMETERS: dict[ShapeName, int] = {"translation": 6, "affine": 6, "quadratic": 12}
-"""Parameters of the shape functions; those of u first, then those of v. A translation's gradients are held."""
+Lighting = Literal["uniform", "linear"]
+"""How brightness may change over a subset: by a gain and an offset, or by a gain that is linear across it as well."""
 
-SOLVED: dict[ShapeName, int] = {"translation": 2, "affine": 6, "quadratic": 12}
-"""Those of them that are solved for."""
+LIGHTINGS: tuple[Lighting, ...] = ("uniform", "linear")
+
+PARAMETERS: dict[ShapeName, int] = {"translation": 6, "affine": 6, "curved": 12, "quadratic": 12}
+"""Parameters of the shape functions; those of u first, then those of v."""
+
+SOLVED: dict[ShapeName, int] = {"translation": 2, "affine": 6, "curved": 6, "quadratic": 12}
+"""Those of them that are solved for; a translation's gradients and the second derivatives of "curved" are held."""
 
 #: Points that a thread takes at a time; results do not depend on it.
 _CHUNK = 512
@@ -41,6 +46,7 @@ class SolverOptions:
 
     subset_px: int = 21
     shape: ShapeName = "affine"
+    lighting: Lighting = "uniform"
     max_iterations: int = 30
     tolerance_px: float = 0.001
     reach_px: float = 8.0
@@ -166,6 +172,7 @@ def _options_struct(options: SolverOptions, reference: PreparedImage) -> Options
         radius=options.subset_px // 2,
         parameters=parameters,
         solved=SOLVED[options.shape],
+        lit=options.lighting == "linear",
         max_iterations=options.max_iterations,
         min_pixels=max(int(np.ceil(options.least_share * options.subset_px**2)), parameters + 3),
         tolerance_px=options.tolerance_px,

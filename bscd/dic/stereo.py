@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
 
-from bscd.arrays import FloatArray
+from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation
+from bscd.dic.curvature import SECOND, Curvature, follow_curvature, with_scatter
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage
-from bscd.dic.solver import ShapeName
+from bscd.dic.solver import Lighting, ShapeName
+
+#: The wider neighbourhood, and what it may say otherwise, in sigma.
+_WIDE_SUBSETS = 2.5
+_DOUBTFUL = 0.5
 
 EpipolarCurve = Callable[[FloatArray], FloatArray]
 """From points ``(n, 2)`` of the left view to where they may be in the right view, ``(n, K, 2)``, by growing depth."""
@@ -34,7 +40,8 @@ def match_views(
     curve: EpipolarCurve,
     *,
     subset_px: int = 21,
-    shape: ShapeName = "affine",
+    shape: ShapeName = "curved",
+    lighting: Lighting = "linear",
     noise_grey: float | tuple[float, float] | None = None,
     zncc_min: float = 0.7,
     threads: int | None = None,
@@ -42,24 +49,52 @@ def match_views(
     """Where points ``(N, 2)`` of the left view are in the right view; no seed by hand, no range by hand.
 
     One point in each cell of a subset's size is searched for along its epipolar curve by ZNCC; those seeds are matched
-    by IC-GN and their neighbours follow from them.
+    by IC-GN and their neighbours follow from them. "curved" holds the second derivatives that the field itself has.
     """
     seeds = seed_points(points_px, float(subset_px))
     guess = np.full((len(points_px), 6), np.nan)
     guess[seeds] = _search_along(left, right, points_px[seeds], curve, subset_px)
-    return correlate(
-        left,
-        right,
-        points_px,
-        subset_px=subset_px,
-        guess_px=guess,
-        find_guesses=False,
-        shape=shape,
-        interpolation=left.spline,
-        noise_grey=noise_grey,
-        zncc_min=zncc_min,
-        threads=threads,
-    )
+    common: dict[str, Any] = {
+        "subset_px": subset_px,
+        "lighting": lighting,
+        "interpolation": left.spline,
+        "noise_grey": noise_grey,
+        "zncc_min": zncc_min,
+        "threads": threads,
+    }
+    found = correlate(left, right, points_px, guess_px=guess, find_guesses=False, shape=shape, **common)
+    if shape == "curved":
+        curvature = Curvature(points_px, subset_px)
+        found, second = follow_curvature(left, right, points_px, found, curvature, **common)
+        found, smooth = _second_order_where_needed(left, right, points_px, found, second, common)
+        found = with_scatter(found, curvature, smooth)
+    return found
+
+
+def _second_order_where_needed(
+    left: PreparedImage,
+    right: PreparedImage,
+    points_px: FloatArray,
+    found: Correlation,
+    second: FloatArray,
+    settings: dict[str, Any],
+) -> tuple[Correlation, BoolArray]:
+    """Solve for the second derivatives where the field does not tell them well, as at the rim of a sphere.
+
+    There a wider neighbourhood tells others; their effect on the match tells what those of the narrower one are worth.
+    Returns the matches and where the field does tell, ``(N,)``.
+    """
+    wide = Curvature(points_px, settings["subset_px"], radius_subsets=_WIDE_SUBSETS)
+    with np.errstate(invalid="ignore"):
+        off = wide.bias_px(wide.second_derivatives(found.displacement_px) - second) > _DOUBTFUL * found.sigma_px
+        smooth = np.asarray(~off.any(axis=1))
+    again = np.flatnonzero(found.valid & ~smooth)
+    if not len(again):
+        return found, smooth
+    guess = found.shape[again].copy()
+    guess[:, SECOND] = second[again]
+    better = correlate(left, right, points_px[again], guess_px=guess, find_guesses=False, shape="quadratic", **settings)
+    return found.updated(again, better), smooth
 
 
 def _search_along(

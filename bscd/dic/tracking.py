@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from scipy.spatial import KDTree
 from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation, Status
+from bscd.dic.curvature import SECOND, Curvature, follow_curvature
 from bscd.dic.images import PreparedImage
 from bscd.dic.recovery import Jump, recovered, trial_points
 from bscd.dic.sharpness import sharpness_per_px
-from bscd.dic.solver import ShapeName
+from bscd.dic.solver import PARAMETERS, Lighting, ShapeName
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
@@ -28,12 +30,14 @@ _PATIENCE = 3
 class TrackingSettings:
     """How points are tracked.
 
-    The reference is renewed when the median ZNCC has fallen by ``zncc_fall`` of what the first frame reached, or when
-    ``lost_share`` of the points that it had are without a match.
+    The shape function "curved" holds the second derivatives that the field itself has. The reference is renewed when
+    the median ZNCC has fallen by ``zncc_fall`` of what the first frame reached, or when ``lost_share`` of the points
+    that it had are without a match.
     """
 
     subset_px: int = 21
-    shape: ShapeName = "affine"
+    shape: ShapeName = "curved"
+    lighting: Lighting = "linear"
     zncc_min: float = 0.7
     zncc_fall: float = 0.1
     lost_share: float = 0.02
@@ -46,13 +50,16 @@ class Tracked:
     """Where N points are in a frame.
 
     ``position_px`` ``(N, 2)``; ``covariance_px2`` ``(N, 2, 2)`` of it, all matches since the first reference
-    together; ``gradient`` ``(N, 2, 2)`` of the displacement since the first reference by the position there; ``zncc``
-    ``(N,)`` against the reference of the moment; ``status`` ``(N,)``; ``renewals`` how often it was renewed before.
-    NaN where a point is not valid.
+    together, ``reference_px2`` and ``frame_px2`` ``(N, 2, 2)`` the parts of it that are the noise of the first
+    reference and of the frame itself; ``gradient`` ``(N, 2, 2)`` of the displacement since the first reference by the
+    position there; ``zncc`` ``(N,)`` against the reference of the moment; ``status`` ``(N,)``; ``renewals`` how often
+    it was renewed before. NaN where a point is not valid.
     """
 
     position_px: FloatArray
     covariance_px2: FloatArray
+    reference_px2: FloatArray
+    frame_px2: FloatArray
     gradient: FloatArray
     zncc: FloatArray
     status: NDArray[np.int32]
@@ -69,12 +76,15 @@ class _Generation:
     """A reference image and what the points had come to there; rows for all points, NaN for those not in it."""
 
     image: PreparedImage
-    position_px: FloatArray
-    covariance_px2: FloatArray
-    gradient: FloatArray
+    reached: Tracked
+    alike: FloatArray
+    """What a point's subset here has in common with the one that was matched to it, a share ``(N,)``."""
+    noise_grey: float | tuple[float, float] | None
     shape: FloatArray = field(init=False)
     """The last known shape parameters from here, ``(N, 6 or 12)``; NaN where there are none."""
     before: FloatArray = field(init=False)
+    curvature: tuple[NDArray[np.int64], Curvature] | None = None
+    """Of the points that have this reference, and which they were."""
 
 
 class Tracker:
@@ -83,21 +93,14 @@ class Tracker:
     def __init__(self, reference: PreparedImage, points_px: FloatArray, settings: TrackingSettings) -> None:
         count = len(points_px)
         self._settings = settings
-        self._parameters = 6 if settings.shape == "affine" else 12
+        self._parameters = PARAMETERS[settings.shape]
         self._points_px = np.array(points_px, np.float64).reshape(-1, 2)
         self._generations: dict[int, _Generation] = {}
         self._newest = -1
         self._of = np.zeros(count, np.int64)
         self._renewals = 0
         self._first_zncc = float("nan")
-        self._last = Tracked(
-            self._points_px,
-            np.zeros((count, 2, 2)),
-            np.zeros((count, 2, 2)),
-            np.ones(count),
-            np.zeros(count, np.int32),
-            0,
-        )
+        self._last = at_rest(self._points_px)
         self._previous = reference
         self._hopeless = False
         self._waited = 0
@@ -118,14 +121,10 @@ class Tracker:
     def _matched(self, current: PreparedImage) -> Tracked:
         count = len(self._of)
         nan = float("nan")
-        whole = Tracked(
-            np.full((count, 2), nan),
-            np.full((count, 2, 2), nan),
-            np.full((count, 2, 2), nan),
-            np.full(count, nan),
-            np.full(count, Status.NO_GUESS, np.int32),
-            self._renewals,
-        )
+        positions, zncc = np.full((count, 2), nan), np.full(count, nan)
+        covariance, reference, frame, gradient = np.full((4, count, 2, 2), nan)
+        status = np.full(count, Status.NO_GUESS, np.int32)
+        whole = Tracked(positions, covariance, reference, frame, gradient, zncc, status, self._renewals)
         for number, generation in self._generations.items():
             self._match_generation(generation, np.flatnonzero(self._of == number), current, whole)
         self._match_beside_neighbours(current, whole)
@@ -134,7 +133,7 @@ class Tracker:
     def _match_generation(
         self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, whole: Tracked
     ) -> None:
-        start = generation.position_px[mine]
+        start = generation.reached.position_px[mine]
         guess = self._predicted(generation, mine)
         if self._hopeless:  # a few will do to tell whether the surface is back
             guess[np.setdiff1d(np.arange(len(mine)), trial_points(start, self._settings.subset_px))] = np.nan
@@ -142,7 +141,19 @@ class Tracker:
         if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
             result = self._recovered(generation, mine, current, result)
         generation.before[mine] = generation.shape[mine]
+        if self._settings.shape != "curved":
+            self._take(generation, mine, result, whole)
+            return
+        result, second = follow_curvature(
+            generation.image,
+            current,
+            start,
+            result,
+            self._curvature(generation, mine),
+            **self._common(generation, current),
+        )
         self._take(generation, mine, result, whole)
+        generation.shape[np.ix_(mine[result.valid], SECOND)] = second[result.valid]
 
     def _match_beside_neighbours(self, current: PreparedImage, whole: Tracked) -> None:
         """Try the points without a match where the nearest ones with a match, of any reference, say that they are."""
@@ -159,42 +170,66 @@ class Tracker:
             if not here.any():
                 continue
             mine = lost[here]
-            gradient = deformation[here] @ np.linalg.inv(np.eye(2) + generation.gradient[mine]) - np.eye(2)
-            moved = place[here] - generation.position_px[mine]
+            gradient = deformation[here] @ np.linalg.inv(np.eye(2) + generation.reached.gradient[mine]) - np.eye(2)
+            moved = place[here] - generation.reached.position_px[mine]
             guess = np.column_stack([moved[:, 0], gradient[:, 0], moved[:, 1], gradient[:, 1]])
-            result = self._correlate(generation, generation.position_px[mine], current, guess)
+            result = self._correlate(generation, generation.reached.position_px[mine], current, guess)
             self._take(generation, mine, result, whole)
 
     def _take(self, generation: _Generation, mine: NDArray[np.int64], result: Correlation, whole: Tracked) -> None:
-        """Enter a generation's matches into the whole."""
-        start = generation.position_px[mine]
+        """Enter a generation's matches into the whole.
+
+        The noise of the image in which the reference was renewed drew the points there aside, and the match that
+        begins there draws them back, as far as both look at the same subset.
+        """
+        reached, alike = generation.reached, generation.alike[mine, None, None]
+        start = reached.position_px[mine]
         known = result.valid
         generation.shape[mine[known]] = result.shape[known]
         onward = np.eye(2) + result.gradient
-        carried = onward @ generation.covariance_px2[mine] @ np.swapaxes(onward, 1, 2)
+        carried, reference, drawn = (
+            onward @ part[mine] @ np.swapaxes(onward, 1, 2)
+            for part in (reached.covariance_px2, reached.reference_px2, reached.frame_px2)
+        )
+        before, now = result.noise_grey
+        of_reference = result.covariance_px2 * (before**2 / max(before**2 + now**2, 1e-12))
+        first = generation is self._generations.get(0)
         whole.position_px[mine] = start + result.displacement_px
-        whole.covariance_px2[mine] = result.covariance_px2 + carried
-        whole.gradient[mine] = onward @ (np.eye(2) + generation.gradient[mine]) - np.eye(2)
+        whole.covariance_px2[mine] = result.covariance_px2 + carried - alike * (drawn + of_reference)
+        whole.reference_px2[mine] = of_reference if first else reference
+        whole.frame_px2[mine] = result.covariance_px2 - of_reference
+        whole.gradient[mine] = onward @ (np.eye(2) + reached.gradient[mine]) - np.eye(2)
         whole.zncc[mine] = result.zncc
         whole.status[mine] = result.status
 
     def _correlate(
         self, generation: _Generation, start: FloatArray, current: PreparedImage, guess: FloatArray, find: bool = False
     ) -> Correlation:
-        settings = self._settings
         return correlate(
             generation.image,
             current,
             start,
-            subset_px=settings.subset_px,
             guess_px=guess,
             find_guesses=find,
-            shape=settings.shape,
-            interpolation=current.spline,
-            noise_grey=settings.noise_grey,
-            zncc_min=settings.zncc_min,
-            threads=settings.threads,
+            shape=self._settings.shape,
+            **self._common(generation, current),
         )
+
+    def _common(self, generation: _Generation, current: PreparedImage) -> dict[str, Any]:
+        settings = self._settings
+        return {
+            "subset_px": settings.subset_px,
+            "lighting": settings.lighting,
+            "interpolation": current.spline,
+            "noise_grey": generation.noise_grey,
+            "zncc_min": settings.zncc_min,
+            "threads": settings.threads,
+        }
+
+    def _curvature(self, generation: _Generation, mine: NDArray[np.int64]) -> Curvature:
+        if generation.curvature is None or not np.array_equal(generation.curvature[0], mine):
+            generation.curvature = mine, Curvature(generation.reached.position_px[mine], self._settings.subset_px)
+        return generation.curvature[1]
 
     def _predicted(self, generation: _Generation, mine: NDArray[np.int64]) -> FloatArray:
         """Shape parameters of steady motion: the last ones and once more their last change."""
@@ -205,7 +240,7 @@ class Tracker:
     def _recovered(
         self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, first: Correlation
     ) -> Correlation:
-        start = generation.position_px[mine]
+        start = generation.reached.position_px[mine]
 
         def attempt(index: NDArray[np.int64], guess: FloatArray) -> Correlation:
             return self._correlate(generation, start[index], current, guess)
@@ -233,21 +268,35 @@ class Tracker:
     def _is_blurred(self, current: PreparedImage, found: Tracked) -> bool:
         """Whether a frame shows the points less sharp than their reference: out of focus, or moving."""
         newest, valid = self._generations[self._newest], found.valid & (self._of == self._newest)
-        places = (newest.position_px[valid], found.position_px[valid])
+        places = (newest.reached.position_px[valid], found.position_px[valid])
         before, now = (
             sharpness_per_px(image, place, self._settings.subset_px)
             for image, place in zip((newest.image, current), places, strict=True)
         )
         return now < _SHARP * before
 
+    def _alike(self, which: BoolArray) -> FloatArray:
+        """Share ``(n,)`` that a subset of this frame has in common with one that followed the surface here."""
+        before = np.zeros((len(self._of), 2, 2))
+        for number, generation in self._generations.items():
+            here = self._of == number
+            before[here] = generation.reached.gradient[here]
+        leg = (np.eye(2) + self._last.gradient[which]) @ np.linalg.inv(np.eye(2) + before[which])
+        stretch = np.linalg.svd(leg, compute_uv=False)
+        return np.prod(np.minimum(stretch, 1.0 / stretch), axis=1)
+
     def _begin(self, image: PreparedImage, taken: BoolArray) -> None:
         """Make an image the reference of some points; the others keep theirs and may come back there.
 
         References that no point has any more are let go.
         """
-        last, count = self._last, len(self._of)
+        count, noise = len(self._of), self._settings.noise_grey
         nan = np.full((count, self._parameters), np.nan)
-        generation = _Generation(image, last.position_px.copy(), last.covariance_px2.copy(), last.gradient.copy())
+        alike = np.zeros(count)
+        if self._generations:
+            noise = noise if noise is None or isinstance(noise, (int, float)) else (noise[1], noise[1])
+            alike[taken] = self._alike(taken)
+        generation = _Generation(image, self._last, alike, noise)
         generation.shape, generation.before = nan, nan.copy()
         generation.shape[taken] = 0.0
         self._renewals += bool(self._generations)
@@ -256,3 +305,10 @@ class Tracker:
         self._generations[self._newest] = generation
         used = set(self._of.tolist())
         self._generations = {number: kept for number, kept in self._generations.items() if number in used}
+
+
+def at_rest(points_px: FloatArray) -> Tracked:
+    """Points ``(N, 2)`` in their reference."""
+    none = np.zeros((len(points_px), 2, 2))
+    status = np.full(len(points_px), Status.VALID, np.int32)
+    return Tracked(points_px, none, none, none, none, np.ones(len(points_px)), status, 0)

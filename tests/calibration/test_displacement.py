@@ -34,10 +34,18 @@ def onward():
     return arms[1] @ np.linalg.inv(arms[0])
 
 
+def independent(left_px2, right_px2, stereo_px2, onward_):
+    """Covariances ``(N, 2, 2)`` each of errors that have nothing in common, as the images' own."""
+    tracking, position = np.zeros((2, len(onward_), 4, 4))
+    tracking[:, :2, :2], tracking[:, 2:, 2:] = left_px2, right_px2
+    position[:, 2:, 2:] = onward_ @ stereo_px2 @ np.swapaxes(onward_, 1, 2)
+    return ImageCovariances(tracking, stereo_px2, onward_, tracking + position)
+
+
 def reported(stereo_px2, left_px2, right_px2):
     now, reference = (triangulate([LEFT, RIGHT], [image(LEFT, at), image(RIGHT, at)]) for at in (MOVED, GRID))
     count = len(GRID)
-    images = ImageCovariances(*(np.tile(c, (count, 1, 1)) for c in (left_px2, right_px2, stereo_px2)), onward())
+    images = independent(*(np.tile(c, (count, 1, 1)) for c in (left_px2, right_px2, stereo_px2)), onward())
     return images, displacement_covariance(now, reference, images, None), now
 
 
@@ -91,11 +99,24 @@ def test_the_shared_stereo_error_cancels_and_tracking_noise_counts_in_full():
     assert np.allclose(tracked, now.covariance_mm2(images.position_px2), rtol=1e-12)
 
 
+def test_errors_that_both_views_share_leave_the_depth_alone():
+    now, reference = (triangulate([LEFT, RIGHT], [image(LEFT, at), image(RIGHT, at)]) for at in (MOVED, GRID))
+    count, one = len(GRID), np.tile(np.eye(2), (len(GRID), 1, 1))
+    none = np.zeros((count, 2, 2))
+    alike = np.tile(np.kron(np.ones((2, 2)), 1e-4 * np.eye(2)), (count, 1, 1))
+    apart = alike * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.ones((2, 2)))
+    depth = [
+        np.sqrt(displacement_covariance(now, reference, ImageCovariances(some, none, one, some), None)[:, 1, 1])
+        for some in (alike, apart)
+    ]
+    assert (depth[0] < 0.05 * depth[1]).all()
+
+
 def test_nothing_moved_is_certain_but_for_the_tracking():
     still = triangulate([LEFT, RIGHT], [image(LEFT, GRID), image(RIGHT, GRID)])
     count = len(GRID)
     none, stereo = np.zeros((count, 2, 2)), np.tile(STEREO, (count, 1, 1))
-    images = ImageCovariances(none, none, stereo, np.tile(np.eye(2), (count, 1, 1)))
+    images = independent(none, none, stereo, np.tile(np.eye(2), (count, 1, 1)))
     assert np.abs(displacement_covariance(still, still, images, None)).max() < 1e-20
 
 
@@ -153,7 +174,7 @@ class TestThroughTheMaps:
         found, (left, right) = calibration(), seen()
         count = len(left)
         none, one = np.zeros((count, 2, 2)), np.tile(np.eye(2), (count, 1, 1))
-        images = ImageCovariances(none, none, none, one)
+        images = independent(none, none, none, one)
         rest, moved = (found.locate(*at, extrapolate=True) for at in ((left, right), (left + 30.0, right + 30.0)))
         assert np.abs(found.displacement_sigma_mm(rest, rest, images)).max() < 1e-12
         moving = found.displacement_sigma_mm(moved, rest, images)
@@ -187,7 +208,7 @@ class TestThroughTheMaps:
         holed = left.copy()
         holed[3] = np.nan
         some, one = np.tile(TRACKING, (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
-        images = ImageCovariances(some, some, some, one)
+        images = independent(some, some, some, one)
         rest = found.locate(left, right, extrapolate=True)
         sigma = found.displacement_sigma_mm(found.locate(holed, right, extrapolate=True), rest, images)
         whole = found.displacement_sigma_mm(rest, rest, images)

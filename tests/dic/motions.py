@@ -76,6 +76,23 @@ class Sinusoid:
         return columns, rows
 
 
+@dataclass(frozen=True)
+class Bend:
+    """``u = a (X - c)^2 / 2``, ``v = -a (X - c)^2 / 4``: second derivatives that are the same everywhere."""
+
+    second_per_px: float
+    column_px: float
+
+    def displacement_px(self, points_px: FloatArray) -> FloatArray:
+        along = self.second_per_px * (points_px[:, 0] - self.column_px) ** 2
+        return np.column_stack([along / 2.0, -along / 4.0])
+
+    def material_px(self, columns_px: FloatArray, rows_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+        a = self.second_per_px
+        off = 2.0 * (columns_px - self.column_px) / (1.0 + np.sqrt(1.0 + 2.0 * a * (columns_px - self.column_px)))
+        return self.column_px + off, rows_px + a * off**2 / 4.0
+
+
 def _solve(seen: FloatArray, amplitude: FloatArray | float, k: float, phase: float) -> FloatArray:
     """Root of ``t + amplitude sin(k t + phase) = seen`` by Newton; unique while ``amplitude k < 1``."""
     root = seen - amplitude * np.sin(k * seen + phase)
@@ -111,3 +128,7 @@ def rotation(angle_deg: float, size_px: tuple[int, int]) -> Affine:
 
 def sinusoid(amplitude_px: float, period_px: float) -> Sinusoid:
     return Sinusoid(amplitude_px, period_px)
+
+
+def bend(second_per_px: float, size_px: tuple[int, int]) -> Bend:
+    return Bend(second_per_px, centre_of(size_px)[0])

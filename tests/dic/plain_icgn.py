@@ -86,11 +86,13 @@ def match(
     fewest: int = 1,
     noise_energy: tuple[float, float] = (0.0, 0.0),
     solved: int | None = None,
+    lit: bool = False,
 ) -> PlainMatch:
     """Match one point from the shape parameters ``(6,)`` or ``(12,)`` of its guess.
 
     Fewer pixels than ``fewest`` are outside. ``noise_energy`` is what noise adds to the squares of a reference pixel's
-    slopes by column and by row. With ``solved`` = 2 only u and v are solved for and the rest of the guess is held.
+    slopes by column and by row. With ``solved`` = 2 only u and v are solved for, with 6 of 12 the affine ones; the rest
+    of the guess is held. ``lit``: the light may change linearly across the subset.
     """
     p, half = np.array(guess, float), len(guess) // 2
     radius = subset_px // 2
@@ -102,6 +104,7 @@ def match(
     terms = basis(dx, dy, half)
     parts = (len(p) if solved is None else solved) // 2
     free = np.concatenate([np.arange(parts), half + np.arange(parts)])
+    held = np.setdiff1d(np.arange(len(p)), free)
     descent_all = np.hstack([slope_x[:, None] * terms[:, :parts], slope_y[:, None] * terms[:, :parts]])
     used = np.ones(len(dx), bool)
     found = PlainMatch("not converged", p)
@@ -114,13 +117,20 @@ def match(
         if np.count_nonzero(used) < fewest:
             return PlainMatch("outside", p)
         f, g, descent = f_all[used], current.at(x[used], y[used]), descent_all[used]
+        ramps = f[:, None] * np.stack([dx[used], dy[used]], axis=1) if lit else np.zeros((len(f), 0))
         f, g = f - f.mean(), g - g.mean()
         gain = np.linalg.norm(g) / np.linalg.norm(f)
-        hessian = _hessian(descent, f)
+        light = np.hstack([np.ones((len(f), 1)), f[:, None], ramps])
+        hessian, off = _hessian(descent, light), descent.T @ (g / gain - f)
+        alike = f
+        if lit:  # all that light and texture explain is no information on the displacement
+            explained = light @ np.linalg.lstsq(light, g, rcond=None)[0]
+            off, alike = descent.T @ (g - explained) / gain, explained
         step = np.zeros(len(p))
-        step[free] = np.linalg.solve(hessian, descent.T @ (g / gain - f))
-        p = composed(p, inverse_of=step)
-        zncc = f @ g / (np.linalg.norm(f) * np.linalg.norm(g))
+        step[free] = np.linalg.solve(hessian, off)
+        before, p = p, composed(p, inverse_of=step)
+        p[held] = before[held]
+        zncc = alike @ g / (np.linalg.norm(alike) * np.linalg.norm(g))
         norm = _norm(step, radius)
         found = PlainMatch(
             "valid" if norm < tolerance_px else "not converged",
@@ -128,7 +138,7 @@ def match(
             zncc,
             gain,
             _covariance(hessian, terms[used][:, :parts], noise_energy),
-            np.sum((g / gain - f) ** 2) / max(len(f) - len(free) - 2, 1),
+            2.0 * (f @ f) * (1.0 - zncc) / max(len(f) - len(free) - light.shape[1], 1),
             len(f),
             norm,
             iteration + 1,
@@ -144,12 +154,11 @@ def composed(p: FloatArray, *, inverse_of: FloatArray) -> FloatArray:
     return _parameters(_warp(p) @ np.linalg.inv(_warp(inverse_of)), half)
 
 
-def _hessian(descent: FloatArray, f: FloatArray) -> FloatArray:
-    """Of the displacement with offset and gain as unknowns beside it: their part is eliminated.
+def _hessian(descent: FloatArray, nuisance: FloatArray) -> FloatArray:
+    """Of the displacement with offset, gain and light ``(n, K)`` as unknowns beside it: their part is eliminated.
 
-    ``descent`` ``(n, P)`` are the steepest-descent images, ``f`` ``(n,)`` the grey levels about their mean.
+    ``descent`` ``(n, P)`` are the steepest-descent images.
     """
-    nuisance = np.stack([np.ones(len(f)), f], axis=1)
     explained, *_ = np.linalg.lstsq(nuisance, descent, rcond=None)
     rest = descent - nuisance @ explained
     return rest.T @ rest

@@ -73,6 +73,7 @@ class Case:
     noise_grey: float = 0.0
     max_iterations: int = 50
     off_px: float = 0.4
+    lighting: str = "uniform"
 
     @property
     def parameters(self) -> int:
@@ -91,6 +92,8 @@ class Case:
             shape[:, side * half] = middle[:, side] + self.off_px * (-1) ** side
             shape[:, side * half + 1] = (right - middle)[:, side]
             shape[:, side * half + 2] = (down - middle)[:, side]
+        if self.shape == "curved":
+            shape[:, [3, 4, 5, 9, 10, 11]] = 1e-4 * np.array([3.0, -2.0, 5.0, -4.0, 1.0, 2.0])
         return shape
 
     def images(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -137,6 +140,7 @@ def plain(case: Case, point: tuple[float, float]) -> PlainMatch:
         fewest=case.fewest,
         noise_energy=(case.noise_grey**2 * passed[0], case.noise_grey**2 * passed[1]),
         solved=SOLVED[case.shape],
+        lit=case.lighting == "linear",
     )
 
 
@@ -152,6 +156,7 @@ def kernel(case: Case, points: FloatArray, instructions: InstructionSet) -> Solv
     options = SolverOptions(
         subset_px=case.subset_px,
         shape=case.shape,
+        lighting=case.lighting,
         tolerance_px=1e-6,
         max_iterations=case.max_iterations,
         noise_grey=case.noise_grey,
@@ -205,6 +210,14 @@ def test_the_solution_is_the_plain_one(instructions, spline, shape, motion):
 @pytest.mark.parametrize("motion", ["mild", "turned"])
 def test_one_iteration_is_the_plain_one(instructions, spline, shape, motion):
     compare(Case(motion, shape, spline, max_iterations=1, off_px=1.1), MIDDLE, instructions)
+
+
+@each_set
+@each_shape
+@pytest.mark.parametrize("masks", [(None, None), ("comb", "wedge")], ids=["whole", "masked"])
+def test_with_a_light_that_may_change_it_is_the_plain_one(instructions, shape, masks):
+    case = Case("mild", shape, reference_mask=masks[0], current_mask=masks[1], off_px=0.2, lighting="linear")
+    compare(case, MIDDLE[1:], instructions)
 
 
 @each_set
@@ -388,3 +401,13 @@ def test_a_translation_holds_the_gradients_that_it_is_given(instructions):
     np.testing.assert_allclose(solved.shape[:, held], case.guess(points)[:, held], rtol=0, atol=1e-12)
     np.testing.assert_allclose(solved.shape[:, [0, 3]], affine.shape[:, [0, 3]], atol=0.05)
     assert np.all(solved.column("var_u") < affine.column("var_u"))
+
+
+@each_set
+def test_curved_holds_the_second_derivatives_that_it_is_given(instructions):
+    case, points = Case("turned", "curved"), np.array(MIDDLE)
+    solved, affine = (kernel(one, points, instructions) for one in (case, Case("turned", "affine")))
+    held = [3, 4, 5, 9, 10, 11]
+    np.testing.assert_array_equal(solved.shape[:, held], case.guess(points)[:, held])
+    assert np.all(np.abs(solved.shape[:, [0, 6]] - affine.shape[:, [0, 3]]) > 1e-3)
+    np.testing.assert_allclose(solved.column("var_u"), affine.column("var_u"), rtol=1e-6)

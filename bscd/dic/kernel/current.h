@@ -34,37 +34,47 @@ INLINE void NAME(take_current)(const int taps, const int degree, const int clamp
     }
 }
 
-/* Sums over g, the current pixels: of g, g^2, f g and, in the order of `slot`, of g x the steepest-descent images. */
+/* Sums over g, the current pixels: of g, g^2, f g, of g x the reference's lit ramps (`light`) and, in the order of
+ * `slot`, of g x the steepest-descent images. */
 typedef struct {
-    double g, gg, fg, sdg[BSCD_MOST];
+    double g, gg, fg, ramps[2], sdg[BSCD_MOST];
 } NAME(sums);
 #define sums_t NAME(sums)
 
-INLINE void NAME(compare)(const int degree, const subset *s, sums_t *out)
+INLINE void NAME(compare)(const int degree, const int lit, const subset *s, sums_t *out)
 {
-    const int width = s->vectors * LANES, half = MOMENT(0, degree) + 1;
-    vf sums[3 + 2 * 6];
-    NAME(clear)(3 + 2 * half, sums);
+    const int width = s->vectors * LANES, half = MOMENT(0, degree) + 1, ramps = 3 + 2 * half;
+    const vf offset = spread(s->offset);
+    vf sums[3 + 2 * 6 + 2];
+    NAME(clear)(5 + 2 * half, sums);
     for (int v = 0; v < width; v += LANES) {
-        vf column[2][3], dy = spread((float)-s->radius);
+        vf column[2][3], down = spread(0), all = spread(0), dy = spread((float)-s->radius);
         NAME(clear)(degree + 1, column[0]);
         NAME(clear)(degree + 1, column[1]);
         for (int j = 0, at = v; j < s->size; j++, at += width, dy += 1) {
-            const vf g = *(vf *)(s->g + at);
+            const vf g = *(vf *)(s->g + at), f = *(vf *)(s->f + at);
             sums[0] += g;
             sums[1] += g * g;
-            sums[2] += g * *(vf *)(s->f + at);
+            sums[2] += g * f;
+            if (lit) {
+                const vf product = g * (f + offset);
+                all += product;
+                down += product * dy;
+            }
             NAME(add_powers)(degree, g * *(vf *)(s->gx + at), dy, column[0]);
             NAME(add_powers)(degree, g * *(vf *)(s->gy + at), dy, column[1]);
         }
         NAME(add_column)(degree, *(vf *)(s->dx + v), column[0], sums + 3);
         NAME(add_column)(degree, *(vf *)(s->dx + v), column[1], sums + 3 + half);
+        sums[ramps] += all * *(vf *)(s->dx + v);
+        sums[ramps + 1] += down;
     }
-    double total[3 + 2 * 6];
-    totals(3 + 2 * half, sums, total);
+    double total[3 + 2 * 6 + 2];
+    totals(lit ? 5 + 2 * half : 3 + 2 * half, sums, total);
     out->g = total[0];
     out->gg = total[1];
     out->fg = total[2];
+    for (int i = 0; i < 2; i++) out->ramps[i] = lit ? total[ramps + i] : 0;
     for (int side = 0; side < 2; side++)
         for (int i = 0; i < half; i++)
             out->sdg[slot(half, side, i)] = terms[i].factor * total[3 + side * half + i];

@@ -16,7 +16,9 @@ typedef struct {
 typedef struct {
     int32_t radius;         /* the subset is 2 * radius + 1 pixels wide */
     int32_t parameters;     /* 6 affine, 12 second order */
-    int32_t solved;         /* those that are solved for: all, or 2 of the 6: u and v, the gradients stay as guessed */
+    int32_t solved;         /* those that are solved for: all; or 2 of 6, u and v; or 6 of 12, the affine ones; the
+                               others stay as guessed */
+    int32_t lit;            /* 1: the light may change linearly across a subset, 0: by offset and gain alone */
     int32_t max_iterations;
     int32_t min_pixels;     /* fewer usable pixels than this: outside */
     double tolerance_px;    /* stop below this subset displacement norm */

@@ -60,6 +60,26 @@ static inline __attribute__((always_inline)) int compose_affine(double *p, const
     return 1;
 }
 
+/* p becomes W(p) o W(d)^-1 for a second-order p and an affine d (of which the places of p), but its second derivatives,
+ * which are held, stay as they are. */
+static inline __attribute__((always_inline)) int compose_held(double *p, const double *d)
+{
+    const double a = 1 + d[1], b = d[2], c = d[7], e = 1 + d[8], det = a * e - b * c;
+    if (!(fabs(det) > 1e-6)) return 0;
+    const double i11 = e / det, i12 = -b / det, i21 = -c / det, i22 = a / det;
+    const double x = -(i11 * d[0] + i12 * d[6]), y = -(i21 * d[0] + i22 * d[6]); /* where the point comes from */
+    for (int side = 0; side < 2; side++) {
+        double *q = p + 6 * side;
+        const double bent_x = q[3] * x + q[4] * y, bent_y = q[4] * x + q[5] * y;
+        const double own_x = side == 0, own_y = side == 1;
+        const double to_x = own_x + q[1] + bent_x, to_y = own_y + q[2] + bent_y;
+        q[0] += (to_x - bent_x / 2) * x + (to_y - bent_y / 2) * y;
+        q[1] = to_x * i11 + to_y * i21 - own_x;
+        q[2] = to_x * i12 + to_y * i22 - own_y;
+    }
+    return 1;
+}
+
 /* How (x^2, xy, y^2, x, y, 1) maps under a second-order warp, terms above the second order dropped
  * (Gao et al. 2015, Opt Lasers Eng 65:73-80, eq. 14). */
 static void warp_matrix(const double *p, double w[6][6])

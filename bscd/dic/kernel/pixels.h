@@ -82,6 +82,24 @@ static const struct {
 /* Where the term i of u (side 0) or v (side 1) stands in the Hessian: the displacement itself, i = 0, comes last. */
 static inline int slot(int half, int side, int i) { return i ? side * (half - 1) + i - 1 : 2 * (half - 1) + side; }
 
+/* What a light that changes linearly across the subset may do to it: 1, f, f dx, f dy; sums over the reference. */
+#define LIGHT 4
+typedef struct {
+    double basis[BSCD_MOST][BSCD_MOST], factor[BSCD_MOST][BSCD_MOST];
+    double in[BSCD_MOST][LIGHT];    /* of it x the steepest-descent images, in the order of `slot` */
+    double share[BSCD_MOST][LIGHT]; /* what it has of them */
+} light;
+
+/* Correlation of what light and reference together explain with the current pixels: `in` are the sums of the light's
+ * basis x g, norm2 the sum of squares of g less `mean2`, its mean's part. */
+static double lit_likeness(light *l, const double *in, double norm2, double mean2)
+{
+    double share[LIGHT], explained = -mean2;
+    cholesky_solve(LIGHT, l->factor, in, share);
+    for (int n = 0; n < LIGHT; n++) explained += in[n] * share[n];
+    return copysign(sqrt(fmin(fmax(explained / norm2, 0), 1)), share[1]);
+}
+
 static inline double noise_energy(const double *energy, double t)
 {
     return energy[0] + energy[1] * (t == 0 ? 1 : cos(2 * M_PI * t));

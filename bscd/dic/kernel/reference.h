@@ -8,6 +8,7 @@ typedef struct {
     float *f, *gx, *gy, *g;            /* (size, vectors * LANES): values less offset, gradients, current values */
     const float *full, *m, *whole;     /* the same: 1 in the subset, 0 in the padding; use now; use by the reference */
     float *own, *both;                 /* room for the masks of a subset that is not whole */
+    float *bright;                     /* room for the values with their offset */
     float *dx;                         /* (vectors * LANES) */
     float *value, *slope;              /* (size + 5, vectors * LANES): rows filtered along x */
     NAME(warp) warp;                   /* where it lies in the current image */
@@ -20,6 +21,7 @@ typedef struct {
     double sd[BSCD_MOST], sdf[BSCD_MOST]; /* sums of the steepest-descent images, and of them x (f - mean) */
     double hessian[BSCD_MOST][BSCD_MOST]; /* its lower half */
     double factor[BSCD_MOST][BSCD_MOST];
+    light light;                          /* where it may change linearly */
 } NAME(statistics);
 #define statistics NAME(statistics)
 
@@ -193,8 +195,45 @@ INLINE void NAME(describe_values)(const int degree, const subset *s, statistics 
         }
 }
 
+/* What a light that changes linearly across the subset may explain: its basis and its part in the steepest-descent
+ * images, taken off the Hessian; 0 when it can not be told from the texture. */
+static __attribute__((noinline)) int NAME(describe_light)(const int degree, subset *s, statistics *out)
+{
+    const int width = s->vectors * LANES, half = MOMENT(0, degree) + 1;
+    for (int at = 0; at < s->size * width; at += LANES)
+        *(vf *)(s->bright + at) = *(vf *)(s->f + at) + spread(s->offset);
+    double once[MOMENT(0, 1) + 1], twice[MOMENT(0, 2) + 1], part[2][MOMENT(0, 3) + 1];
+    NAME(product_moments)(1, s, s->bright, s->full, once);
+    NAME(product_moments)(2, s, s->bright, s->bright, twice);
+    NAME(product_moments)(degree + 1, s, s->gx, s->bright, part[0]);
+    NAME(product_moments)(degree + 1, s, s->gy, s->bright, part[1]);
+    light *l = &out->light;
+    /* 1, f, and the bright image x dx, x dy; f is the bright image less the subset's offset */
+    const double offset = s->offset, ramp[2] = {once[MOMENT(1, 0)], once[MOMENT(0, 1)]};
+    l->basis[0][0] = out->pixels;
+    l->basis[1][0] = out->mean * out->pixels;
+    l->basis[1][1] = out->norm2 + out->mean * out->mean * out->pixels;
+    for (int i = 0; i < 2; i++) {
+        l->basis[2 + i][0] = ramp[i];
+        l->basis[2 + i][1] = twice[MOMENT(1 - i, i)] - offset * ramp[i];
+        l->basis[2 + i][2] = twice[i ? MOMENT(1, 1) : MOMENT(2, 0)];
+    }
+    l->basis[3][3] = twice[MOMENT(0, 2)];
+    if (!cholesky(LIGHT, l->basis, l->factor)) return 0;
+    for (int i = 0; i < 2 * half; i++) {
+        const int row = slot(half, i / half, i % half), a = terms[i % half].a, b = terms[i % half].b;
+        double *in = l->in[row];
+        in[0] = out->sd[row];
+        in[1] = out->sdf[row] + out->mean * out->sd[row];
+        in[2] = terms[i % half].factor * part[i / half][MOMENT(a + 1, b)];
+        in[3] = terms[i % half].factor * part[i / half][MOMENT(a, b + 1)];
+        cholesky_solve(LIGHT, l->factor, in, l->share[row]);
+    }
+    return 1;
+}
+
 /* Sums over the reference with the weights m; 0 when there is no texture to match. */
-static __attribute__((noinline)) int NAME(describe)(const int degree, const subset *s, statistics *out)
+static __attribute__((noinline)) int NAME(describe)(const int degree, const int lit, subset *s, statistics *out)
 {
     const int half = MOMENT(0, degree) + 1;
     NAME(describe_values)(degree, s, out);
@@ -203,6 +242,7 @@ static __attribute__((noinline)) int NAME(describe)(const int degree, const subs
     NAME(product_moments)(2 * degree, s, s->gx, s->gx, squares[0]);
     NAME(product_moments)(2 * degree, s, s->gx, s->gy, squares[1]);
     NAME(product_moments)(2 * degree, s, s->gy, s->gy, squares[2]);
+    if (lit && !NAME(describe_light)(degree, s, out)) return 0;
     const double per_pixel = 1 / out->pixels, per_norm2 = 1 / out->norm2;
     for (int i = 0; i < 2 * half; i++)
         for (int k = 0; k < 2 * half; k++) {
@@ -210,10 +250,13 @@ static __attribute__((noinline)) int NAME(describe)(const int degree, const subs
             if (column > row) continue;
             const int a = terms[i % half].a + terms[k % half].a, b = terms[i % half].b + terms[k % half].b;
             const double factor = terms[i % half].factor * terms[k % half].factor;
-            /* offset and gain are free in ZNSSD: what they explain is no information on the displacement */
-            out->hessian[row][column] = factor * squares[i / half + k / half][MOMENT(a, b)]
-                                        - out->sd[row] * out->sd[column] * per_pixel
-                                        - out->sdf[row] * out->sdf[column] * per_norm2;
+            /* offset, gain and light are free: what they explain is no information on the displacement */
+            double explained = 0;
+            if (lit)
+                for (int n = 0; n < LIGHT; n++) explained += out->light.in[row][n] * out->light.share[column][n];
+            else
+                explained = out->sd[row] * out->sd[column] * per_pixel + out->sdf[row] * out->sdf[column] * per_norm2;
+            out->hessian[row][column] = factor * squares[i / half + k / half][MOMENT(a, b)] - explained;
         }
     return cholesky(2 * half, out->hessian, out->factor);
 }

@@ -71,7 +71,7 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
             if (NAME(usable_now)(degree, s, current, p, p + half) < options->min_pixels) return BSCD_OUTSIDE;
         }
         if (!described) {
-            if (!NAME(describe)(solved, s, &about)) return BSCD_LOW_TEXTURE;
+            if (!NAME(describe)(solved, options->lit, s, &about)) return BSCD_LOW_TEXTURE;
             described = 1;
         }
         sums_t now;
@@ -79,20 +79,33 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
             NAME(take_current)(taps, degree, 1, s, current, p, p + half);
         else
             NAME(take_current)(taps, degree, 0, s, current, p, p + half);
-        NAME(compare)(solved, s, &now);
+        if (options->lit)
+            NAME(compare)(solved, 1, s, &now);
+        else
+            NAME(compare)(solved, 0, s, &now);
         ++*iterations;
         const double mean = now.g / about.pixels, norm2 = now.gg - now.g * mean;
         if (!(norm2 > 1e-6 * about.pixels)) return BSCD_LOW_TEXTURE;
         const double gain = sqrt(norm2 / about.norm2), per_gain = 1 / gain;
         double b[BSCD_MOST], step[BSCD_MOST], d[BSCD_MOST] = {0};
-        for (int i = 0; i < 2 * parts; i++) b[i] = (now.sdg[i] - mean * about.sd[i]) * per_gain - about.sdf[i];
+        found[BSCD_ZNCC] = (now.fg - now.g * about.mean) / (about.norm2 * gain);
+        if (options->lit) {
+            const double in[LIGHT] = {now.g, now.fg, now.ramps[0], now.ramps[1]};
+            found[BSCD_ZNCC] = lit_likeness(&about.light, in, norm2, now.g * mean);
+            for (int i = 0; i < 2 * parts; i++) {
+                b[i] = now.sdg[i];
+                for (int n = 0; n < LIGHT; n++) b[i] -= about.light.share[i][n] * in[n];
+                b[i] *= per_gain;
+            }
+        } else
+            for (int i = 0; i < 2 * parts; i++) b[i] = (now.sdg[i] - mean * about.sd[i]) * per_gain - about.sdf[i];
         cholesky_solve(2 * parts, about.factor, b, step);
         for (int i = 0; i < 2 * parts; i++) d[i / parts * half + i % parts] = step[slot(parts, i / parts, i % parts)];
-        found[BSCD_ZNCC] = (now.fg - now.g * about.mean) / (about.norm2 * gain);
         found[BSCD_GAIN] = gain;
         found[BSCD_NORM] = NAME(displacement_norm)(degree, d, r);
         if (!(found[BSCD_NORM] < 4 * r + 4)) return BSCD_DIVERGED;
-        if (!(degree == 1 ? compose_affine(p, d) : compose_quadratic(p, d))) return BSCD_DIVERGED;
+        if (!(degree == 1 ? compose_affine(p, d) : solved == 1 ? compose_held(p, d) : compose_quadratic(p, d)))
+            return BSCD_DIVERGED;
         const double off_x = p[0] - start[0], off_y = p[half] - start[1];
         if (!(off_x * off_x + off_y * off_y < options->reach_px * options->reach_px)) return BSCD_DIVERGED;
         if (found[BSCD_NORM] < options->tolerance_px) {
@@ -102,7 +115,7 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
     }
     if (!described) return BSCD_NOT_CONVERGED; /* no iteration was allowed */
     found[BSCD_PIXELS] = about.pixels;
-    const double spare = about.pixels - 2 * parts - 2;
+    const double spare = about.pixels - 2 * parts - (options->lit ? LIGHT : 2);
     found[BSCD_RESIDUAL] = 2 * about.norm2 * (1 - found[BSCD_ZNCC]) / (spare > 1 ? spare : 1);
     if (!NAME(covariance)(solved, options, point, s->radius, &about, found)) return BSCD_LOW_TEXTURE;
     if (status == BSCD_VALID && !(found[BSCD_ZNCC] >= options->zncc_min)) return BSCD_LOW_ZNCC;
@@ -122,12 +135,16 @@ static void NAME(solve_all)(const int taps, subset *s, const bscd_image *referen
         EACH(4, 1, 0);
     else if (taps == 4 && n == 6)
         EACH(4, 1, 1);
+    else if (taps == 4 && options->solved == 6)
+        EACH(4, 2, 1);
     else if (taps == 4)
         EACH(4, 2, 2);
     else if (n == 6 && options->solved == 2)
         EACH(6, 1, 0);
     else if (n == 6)
         EACH(6, 1, 1);
+    else if (options->solved == 6)
+        EACH(6, 2, 1);
     else
         EACH(6, 2, 2);
 #undef EACH
@@ -143,14 +160,15 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
     const size_t width = (size_t)s.vectors * LANES, cells = s.size * width, rows = (s.size + 5) * width;
     const size_t vectors = ((size_t)s.size * s.vectors + LANES - 1) / LANES * LANES;
     float *memory = NULL;
-    if (posix_memalign((void **)&memory, 64, sizeof(float) * (7 * cells + 2 * rows + width + 10 * vectors))) return 1;
+    if (posix_memalign((void **)&memory, 64, sizeof(float) * (8 * cells + 2 * rows + width + 10 * vectors))) return 1;
     s.f = memory;
     s.gx = s.f + cells;
     s.gy = s.gx + cells;
     s.g = s.gy + cells;
     s.own = s.g + cells;
     s.both = s.own + cells;
-    float *full = s.both + cells;
+    s.bright = s.both + cells;
+    float *full = s.bright + cells;
     for (size_t i = 0; i < cells; i++) full[i] = i % width < (size_t)s.size;
     s.full = full;
     s.value = full + cells;

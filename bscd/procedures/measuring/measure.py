@@ -276,7 +276,6 @@ def _header(
 ) -> ResultsHeader:
     parameters = settings.parameters() | {
         "phase": choice.phase,
-        "stereo_shape": sequence.stereo_shape,
         "noise_reference_grey": noise_grey[0],
         "noise_frame_grey": noise_grey[1],
         "triangulation": calibration.choices.triangulation,

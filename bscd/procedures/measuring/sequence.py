@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from bscd.arrays import BoolArray, FloatArray
 from bscd.calibration import ImageCovariances, Located
 from bscd.dic import Correlation, Status, correlate
+from bscd.dic.solver import usable_cores
 from bscd.dic.stereo import match_views
 from bscd.dic.tracking import Tracked, Tracker, TrackingSettings
 from bscd.procedures.measuring.geometry import PairGeometry
@@ -82,6 +84,7 @@ class Sequence:
         self._geometry = geometry
         self._limit_px = epipolar_limit_px
         self._extrapolate = settings.extrapolate
+        self._threads = settings.threads or usable_cores()
         self.stereo, self.stereo_shape = _matched(reference, points_px, geometry, settings, noise_grey[0])
         self._right_px = points_px + self.stereo.displacement_px
         tracking = TrackingSettings(
@@ -89,7 +92,7 @@ class Sequence:
             shape=settings.tracking_shape,
             zncc_min=settings.zncc_min,
             noise_grey=noise_grey,
-            threads=settings.threads,
+            threads=(self._threads + 1) // 2,
         )
         self._usable = self.stereo.valid
         self._left = Tracker(reference.left, points_px[self._usable], tracking)
@@ -116,8 +119,16 @@ class Sequence:
 
     def measure(self, frame: FrameViews) -> Measured:
         """The next frame."""
-        left, right = self._left.track(frame.left), self._right.track(frame.right)
+        left, right = self._tracked(frame)
         return self._measured(left, right, self._geometry.locate(left.position_px, right.position_px))
+
+    def _tracked(self, frame: FrameViews) -> tuple[Tracked, Tracked]:
+        """Both views, at the same time where there are cores for it."""
+        if self._threads == 1:
+            return self._left.track(frame.left), self._right.track(frame.right)
+        with ThreadPoolExecutor(1, thread_name_prefix="right view") as beside:
+            right = beside.submit(self._right.track, frame.right)
+            return self._left.track(frame.left), right.result()
 
     def _measured(self, left: Tracked, right: Tracked, located: Located) -> Measured:
         usable = self._usable

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from bscd.acquisition import PhaseName
 from bscd.arrays import BoolArray
-from bscd.dic.solver import ShapeName
+from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
 from bscd.results import StereoSource
-
-StereoShape = Literal["auto", "affine", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +17,10 @@ class MeasureSettings:
 
     ``stereo`` names the pair of views; ``phase`` the frames (None: inflation where there are any, else sphere).
     ``region`` ``(H, W)`` is True where points are wanted in the left view (None: wherever there is texture).
-    ``stereo_shape`` "auto" takes second order where the surface's curvature asks for it; ``tracking_shape`` "quadratic"
-    follows steep strains without bias, with twice the noise and a third more time. ``epipolar_limit_px`` is the
+    ``stereo_shape`` and ``tracking_shape`` "curved" follow curved surfaces and steep strains by the second derivatives
+    that the field itself has, with the noise of "affine"; "quadratic" solves for them at every point, with twice the
+    noise, for fields that change within a subset or two. ``lighting`` "linear" lets brightness change linearly across
+    a subset, "uniform" by a gain and an offset only. ``epipolar_limit_px`` is the
     residual above which a point is refused (None: five times the calibration's limit for a frame). ``vsg_mm`` is the
     largest strain gauge; ``strain`` False leaves strains out. ``extrapolate`` keeps points outside the calibrated
     hull, marked as such. ``corrected`` False measures with the virtual cameras alone.
@@ -32,8 +31,9 @@ class MeasureSettings:
     stereo: StereoSource = "biprism"
     phase: PhaseName | None = None
     region: BoolArray | None = None
-    stereo_shape: StereoShape = "auto"
-    tracking_shape: ShapeName = "affine"
+    stereo_shape: ShapeName = "curved"
+    tracking_shape: ShapeName = "curved"
+    lighting: Lighting = "linear"
     zncc_min: float = 0.7
     epipolar_limit_px: float | None = None
     strain: bool = True
@@ -68,4 +68,5 @@ class MeasureSettings:
             "criterion": "ZNSSD",
             "optimisation": "IC-GN",
             "tracking_shape": self.tracking_shape,
+            "lighting": self.lighting,
         }

@@ -47,7 +47,7 @@ def test_what_is_written_is_what_was_measured(files, result, wide):
         assert header.reference_frames == (0, 1)
         assert header.stereo == "biprism"
         assert header.parameters["step_px"] == 25
-        assert header.parameters["tracking_shape"] == "affine"
+        assert header.parameters["tracking_shape"] == "curved"
         assert header.status_names[9] == "outside_volume"
         assert np.allclose(header.membrane.axes, measurement.frame.axes)
 

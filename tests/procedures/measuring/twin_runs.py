@@ -77,19 +77,20 @@ class TwinRuns:
         third = self.world.expose(camera, exposure_s=0.02, gain_db=0.0, rng=self._rng, state=state)
         return np.clip(np.rint(third + extra), 0, 255).astype(np.uint8)
 
-    def sphere(self) -> list[FrameRecord]:
-        """Two frames through the biprism, and two of each camera with it lowered."""
+    def sphere(self, noise_times: float = 1.0) -> list[FrameRecord]:
+        """Four frames through the biprism, and two of each camera with it lowered."""
         low = self.sphere_state._replace(jack_mm=LOWERED_MM)
         taken = [
-            ("primary", self.sphere_state, RAISED_MM),
-            ("primary", self.sphere_state, RAISED_MM),
+            *[("primary", self.sphere_state, RAISED_MM)] * 4,
             ("primary", low, LOWERED_MM),
             ("auxiliary", low, LOWERED_MM),
             ("primary", low, LOWERED_MM),
             ("auxiliary", low, LOWERED_MM),
         ]
         return [
-            FrameRecord(camera, "sphere", self.image(state, camera), frame_id=k, jack_mm=jack, time_s=k / 11)
+            FrameRecord(
+                camera, "sphere", self.image(state, camera, noise_times), frame_id=k, jack_mm=jack, time_s=k / 11
+            )
             for k, (camera, state, jack) in enumerate(taken)
         ]
 
