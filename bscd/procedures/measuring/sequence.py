@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -11,19 +11,15 @@ from numpy.typing import NDArray
 
 from bscd.arrays import BoolArray, FloatArray
 from bscd.calibration import ImageCovariances, Located
-from bscd.dic import Correlation, Status, correlate
+from bscd.dic import Status
+from bscd.dic.curvature import Curvature
 from bscd.dic.solver import usable_cores
 from bscd.dic.stereo import match_views
-from bscd.dic.tracking import Tracked, Tracker, TrackingSettings
+from bscd.dic.tracking import Tracked, Tracker, TrackingSettings, at_rest
 from bscd.procedures.measuring.geometry import PairGeometry
 from bscd.procedures.measuring.settings import MeasureSettings
+from bscd.procedures.measuring.uncertainty import frame_covariances, reference_covariances
 from bscd.procedures.measuring.views import FrameViews
-
-#: The smooth part of what second order changes is the affine match's bias; up to this share of its sigma is let be.
-_LARGEST_BIAS = 0.3
-
-#: Degree of the polynomial in (column, row) that counts as smooth.
-_SMOOTH_DEGREE = 4
 
 
 class PointStatus(IntEnum):
@@ -85,11 +81,23 @@ class Sequence:
         self._limit_px = epipolar_limit_px
         self._extrapolate = settings.extrapolate
         self._threads = settings.threads or usable_cores()
-        self.stereo, self.stereo_shape = _matched(reference, points_px, geometry, settings, noise_grey[0])
+        self.stereo = match_views(
+            reference.left,
+            reference.right,
+            points_px,
+            geometry.curve,
+            subset_px=settings.subset_px,
+            shape=settings.stereo_shape,
+            lighting=settings.lighting,
+            noise_grey=noise_grey[0],
+            zncc_min=settings.zncc_min,
+            threads=settings.threads,
+        )
         self._right_px = points_px + self.stereo.displacement_px
         tracking = TrackingSettings(
             subset_px=settings.subset_px,
             shape=settings.tracking_shape,
+            lighting=settings.lighting,
             zncc_min=settings.zncc_min,
             noise_grey=noise_grey,
             threads=(self._threads + 1) // 2,
@@ -97,30 +105,21 @@ class Sequence:
         self._usable = self.stereo.valid
         self._left = Tracker(reference.left, points_px[self._usable], tracking)
         self._right = Tracker(reference.right, self._right_px[self._usable], tracking)
-        count = int(np.count_nonzero(self._usable))
+        self._stereo = self.stereo.only(self._usable)
+        self._field = Curvature(points_px[self._usable], settings.subset_px)
         self._located = geometry.locate(points_px[self._usable], self._right_px[self._usable])
-        still = Tracked(
-            points_px[self._usable],
-            np.zeros((count, 2, 2)),
-            np.zeros((count, 2, 2)),
-            np.ones(count),
-            np.zeros(count, np.int32),
-            0,
+        here, there = at_rest(points_px[self._usable]), at_rest(self._right_px[self._usable])
+        self.reference = self._measured(
+            here, replace(there, zncc=self._stereo.zncc), self._located, reference_covariances(self._stereo)
         )
-        right = Tracked(
-            self._right_px[self._usable],
-            still.covariance_px2,
-            still.gradient,
-            self.stereo.zncc[self._usable],
-            still.status,
-            0,
-        )
-        self.reference = self._measured(still, right, self._located)
 
     def measure(self, frame: FrameViews) -> Measured:
         """The next frame."""
         left, right = self._tracked(frame)
-        return self._measured(left, right, self._geometry.locate(left.position_px, right.position_px))
+        images = frame_covariances(
+            left, right, self._stereo, self.points_px[self._usable], self._right_px[self._usable], self._field
+        )
+        return self._measured(left, right, self._geometry.locate(left.position_px, right.position_px), images)
 
     def _tracked(self, frame: FrameViews) -> tuple[Tracked, Tracked]:
         """Both views, at the same time where there are cores for it."""
@@ -130,14 +129,8 @@ class Sequence:
             right = beside.submit(self._right.track, frame.right)
             return self._left.track(frame.left), right.result()
 
-    def _measured(self, left: Tracked, right: Tracked, located: Located) -> Measured:
+    def _measured(self, left: Tracked, right: Tracked, located: Located, images: ImageCovariances) -> Measured:
         usable = self._usable
-        images = ImageCovariances(
-            left.covariance_px2,
-            right.covariance_px2,
-            self.stereo.covariance_px2[usable],
-            np.eye(2) + right.gradient,
-        )
         points = self._geometry.describe(located, images.position_px2)
         status = np.where(left.status != Status.VALID, left.status, right.status).astype(np.uint8)
         found = status == PointStatus.VALID
@@ -168,58 +161,3 @@ class Sequence:
             epipolar_px=spread(points.epipolar_px, found),
             status=whole,
         )
-
-
-def _matched(
-    views: FrameViews, points_px: FloatArray, geometry: PairGeometry, settings: MeasureSettings, noise_grey: float
-) -> tuple[Correlation, str]:
-    """The stereo match and the shape function it was made with.
-
-    "auto" takes the second order when it changes the field smoothly by more than noise may explain: what affine subsets
-    miss of the surface's curvature would not be covered by their sigma.
-    """
-    first = match_views(
-        views.left,
-        views.right,
-        points_px,
-        geometry.curve,
-        subset_px=settings.subset_px,
-        noise_grey=noise_grey,
-        zncc_min=settings.zncc_min,
-        threads=settings.threads,
-    )
-    if settings.stereo_shape == "affine":
-        return first, "affine"
-    second = correlate(
-        views.left,
-        views.right,
-        points_px,
-        subset_px=settings.subset_px,
-        guess_px=first.shape,
-        find_guesses=False,
-        shape="quadratic",
-        noise_grey=noise_grey,
-        zncc_min=settings.zncc_min,
-        threads=settings.threads,
-    )
-    both = first.valid & second.valid
-    if settings.stereo_shape == "auto" and both.any():
-        bias = _smooth_rms(points_px[both], (second.displacement_px - first.displacement_px)[both])
-        if bias < _LARGEST_BIAS * np.median(first.sigma_px[both]):
-            return first, "affine"
-    return second, "quadratic"
-
-
-def _smooth_rms(points_px: FloatArray, change_px: FloatArray) -> float:
-    """Root mean square of the smooth part of a change ``(n, 2)`` in one of its axes, the larger; without its noise."""
-    at = (points_px - points_px.mean(axis=0)) / max(float(np.ptp(points_px)), 1.0)
-    terms = np.stack(
-        [at[:, 0] ** i * at[:, 1] ** j for i in range(_SMOOTH_DEGREE + 1) for j in range(_SMOOTH_DEGREE + 1 - i)],
-        axis=1,
-    )
-    freedom = len(terms) - terms.shape[1]
-    if freedom <= 0:
-        return 0.0
-    smooth = terms @ np.linalg.lstsq(terms, change_px, rcond=None)[0]
-    noise = np.sum((change_px - smooth) ** 2, axis=0) / freedom * terms.shape[1]
-    return float(np.sqrt(np.maximum(np.sum(smooth**2, axis=0) - noise, 0.0).max() / len(terms)))
