@@ -47,8 +47,9 @@ class FrameChoice:
 def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, raised_mm: float) -> FrameChoice:
     """The frames of a phase (None: inflation, else sphere) that a pair of views can measure.
 
-    Where the jacks' height is known, frames with the biprism out of view are left out for the biprism's views, and
-    those with it in view for the standard pair. Raises `InputError` when there are none.
+    Frames with the biprism out of view are left out for the biprism's views, and those with it in view for the
+    standard pair. Where the jacks' height is not known (an import), primary frames of one time with an auxiliary one
+    are the standard pair's, unless all are. Raises `InputError` when there are none.
     """
     there: set[str] = {str(name) for name in run.table("primary")["phase"]} if "primary" in run.cameras else set()
     chosen: PhaseName | None = phase or next((name for name in _MEASURED if name in there), None)
@@ -56,20 +57,23 @@ def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, r
         wanted = phase or " or ".join(_MEASURED)
         raise InputError(f"{run.path}: it has no {wanted} frames of the primary camera; record or import them")
     table = run.table("primary", chosen)
+    other = run.table("auxiliary", chosen) if "auxiliary" in run.cameras else None
     raised = np.abs(table["jack_mm"] - raised_mm) <= _JACK_MM
     known = np.isfinite(table["jack_mm"]) & np.isfinite(raised_mm)
-    in_view = ~known | raised if stereo == "biprism" else ~known | ~raised
-    table = table[in_view & (table["status"] == "ok")]
+    paired = np.zeros(len(table), bool) if other is None else np.isin(table["time_s"], other["time_s"])
+    told = paired.any() and not paired[~known].all()
+    for_biprism = np.where(known, raised, ~paired if told else True)
+    for_pair = np.where(known, ~raised, paired if told else True)
+    table = table[(for_biprism if stereo == "biprism" else for_pair) & (table["status"] == "ok")]
     auxiliary: tuple[int, ...] = ()
     if stereo == "standard":
-        if "auxiliary" not in run.cameras:
+        if other is None:
             raise InputError(f"{run.path}: it has no auxiliary camera; the standard pair needs both")
-        other = run.table("auxiliary", chosen)
         other = other[other["status"] == "ok"]
         if len(other) != len(table):
             raise InputError(
                 f"{run.path}: {len(table)} {chosen} frames of the primary camera without the biprism, {len(other)} of "
-                f"the auxiliary; the standard pair needs one of each"
+                f"the auxiliary; the standard pair needs one of each, of the same time where others show the biprism"
             )
         auxiliary = tuple(int(row) for row in other["sequence_number"])
     if not len(table):

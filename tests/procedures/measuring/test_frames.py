@@ -100,6 +100,36 @@ def test_jacks_that_nobody_knows_of_leave_nothing_out(chosen, raised_mm):
     assert chosen.shown == [(0,), (1,), (2,)]
 
 
+IMPORTED = [
+    record(phase="sphere", number=1, time_s=1.0),
+    record(phase="sphere", number=2, time_s=2.0),
+    record("auxiliary", phase="sphere", number=3, time_s=2.0),
+    record(phase="sphere", number=4),
+]
+
+
+class TestOfAnImport:
+    """No jack was read: what the auxiliary camera saw at the same time was without the biprism."""
+
+    def test_the_pair_is_what_was_taken_together(self, chosen):
+        chosen(IMPORTED, stereo="standard", raised_mm=NAN)
+        assert chosen.shown == [(2, 3)]
+
+    def test_the_rest_is_through_the_biprism(self, chosen):
+        chosen(IMPORTED, raised_mm=NAN)
+        assert chosen.shown == [(1,), (4,)]
+
+    @pytest.mark.parametrize("stereo", ["biprism", "standard"])
+    def test_where_all_were_taken_together_nothing_is_told(self, chosen, stereo):
+        chosen(IMPORTED[1:3], stereo=stereo, raised_mm=NAN)
+        assert chosen.shown == ([(2,)] if stereo == "biprism" else [(2, 3)])
+
+    def test_without_times_the_counts_must_agree(self, chosen):
+        records = [record(phase="sphere", number=1), record("auxiliary", phase="sphere", number=2)]
+        chosen(records, stereo="standard", raised_mm=NAN)
+        assert chosen.shown == [(1, 2)]
+
+
 def test_bad_frames_are_left_out(chosen):
     records = inflation(0.05, 0.05, 1.0, 2.0)
     records[2] = record(number=2, pressure_kpa=1.0, status=FrameStatus.INCOMPLETE)
