@@ -9,17 +9,17 @@ from matplotlib.tri import Triangulation
 from scipy.spatial import Delaunay
 
 from bscd.analysis.figures.style import ACCENT, INK
+from bscd.analysis.surface.spacing import spread_over_area
 from bscd.arrays import BoolArray, FloatArray, IntArray
 
 #: A triangle is filled while its edges are this many point spacings at most.
 _LONGEST_EDGE = 1.9
-_LEAST_POINTS = 4
 
 
 def triangles_between(places: FloatArray, there: BoolArray) -> IntArray:
     """Triangles ``(M, 3)`` between those of the places ``(N, 2)`` that are there, none across a hole."""
     index = np.flatnonzero(there & np.isfinite(places).all(axis=1))
-    if len(index) < _LEAST_POINTS:
+    if not spread_over_area(places[index]):
         return np.zeros((0, 3), np.int64)
     corners = index[Delaunay(places[index]).simplices]
     longest = np.linalg.norm(places[corners] - places[np.roll(corners, 1, axis=1)], axis=2).max(axis=1)

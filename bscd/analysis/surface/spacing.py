@@ -8,6 +8,14 @@ from scipy.spatial import Delaunay
 from bscd.arrays import FloatArray
 
 
+def spread_over_area(points: FloatArray) -> bool:
+    """Whether points ``(N, 2)`` can be triangulated: four or more, not all on a line."""
+    if len(points) < 4:
+        return False
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extent[1] > 1e-9 * extent[0])
+
+
 def point_spacing(points: FloatArray) -> float:
     """Spacing of points ``(N, 2)``: the step of a square grid; of irregular points, that of as dense a grid.
 

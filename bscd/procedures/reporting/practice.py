@@ -14,7 +14,7 @@ from bscd.acquisition import CameraMeta
 from bscd.analysis.report.measurement import NOT_RECORDED, PracticeColumn, RestNoise
 from bscd.analysis.report.rounding import number
 from bscd.analysis.surface import StrainSettings
-from bscd.analysis.surface.spacing import surface_scale
+from bscd.analysis.surface.spacing import spread_over_area, surface_scale
 from bscd.arrays import FloatArray
 from bscd.dic import estimate_noise
 from bscd.dic.speckle_size import speckle_size
@@ -39,7 +39,7 @@ def practice_column(
     frame = source.results.frame(0)
     valid = frame.valid & np.isfinite(frame.xyz_mm).all(axis=1)
     at, points = frame.xyz_mm[valid], source.results.points_px[valid]
-    scale = surface_scale(points, at) if len(points) >= 4 else float("nan")
+    scale = surface_scale(points, at) if spread_over_area(points) else float("nan")
     values: Values = {}
     values |= _hardware(source, at, points, scale, facts)
     values |= _analysis(source, scale)

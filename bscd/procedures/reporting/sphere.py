@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from bscd.analysis.report.measurement import Shape, SphereData
 from bscd.analysis.surface import SphereFit, fit_sphere
-from bscd.analysis.surface.spacing import point_spacing, surface_scale
+from bscd.analysis.surface.spacing import point_spacing, spread_over_area, surface_scale
 from bscd.arrays import BoolArray, FloatArray
 from bscd.errors import InputError
 from bscd.procedures.reporting.source import Source, known
@@ -53,7 +53,7 @@ def sphere_data(biprism: Source | None, standard: Source | None, radius_mm: floa
 def surface_area_mm2(points_px: FloatArray, xyz_mm: FloatArray) -> float:
     """Area of the surface between points ``(N, 2)`` px at ``(N, 3)`` mm; holes and what is beyond them not counted."""
     there = np.isfinite(xyz_mm).all(axis=1)
-    if np.count_nonzero(there) < 4:
+    if not spread_over_area(points_px[there]):
         return 0.0
     corners = Delaunay(points_px[there]).simplices
     edges = np.linalg.norm(points_px[there][corners] - points_px[there][np.roll(corners, 1, axis=1)], axis=2)
@@ -113,8 +113,8 @@ def _fitted(xyz_mm: FloatArray, valid: BoolArray, radius_mm: float | None) -> Sp
 
 
 def _angle_and_scale(source: Source, shape: Shape) -> tuple[float, float]:
-    at = shape.xyz_mm[shape.valid]
-    if len(at) < 4:
+    at, points = shape.xyz_mm[shape.valid], source.results.points_px[shape.valid]
+    if not spread_over_area(points):
         return float("nan"), float("nan")
     matrices = view_matrices(source.calibration, source.results.header.stereo)
-    return stereo_angle_deg(matrices, at.mean(axis=0)), surface_scale(source.results.points_px[shape.valid], at)
+    return stereo_angle_deg(matrices, at.mean(axis=0)), surface_scale(points, at)

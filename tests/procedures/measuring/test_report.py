@@ -284,6 +284,18 @@ class TestInflation:
         assert "Ringed points lie outside the calibrated hull" in " ".join(page.words)
         assert "Ringed points" not in " ".join(page_of(inflation[1]).words)
 
+    def test_a_few_points_in_a_row_are_reported_for_what_they_are(self, folder):
+        region = np.zeros((1024, 1280), np.uint8)
+        region[500:515, 200:300] = 255
+        cv2.imwrite(str(folder / "row.png"), region)
+        for name in ("inflation", "sphere"):
+            page = page_of(measured(folder, name, "--region", str(folder / "row.png"))[1])
+            assert cells(page, "practice-hardware")["Image scale"][0] == "not recorded"
+            words = " ".join(" ".join(page.words).split())
+            assert ("Too few points were measured for a membrane frame" in words) == (name == "inflation")
+            assert ("no membrane frame: 5 points" in words) == (name == "inflation")  # the warning
+            assert not re.search(r"\bnan\b", words, re.IGNORECASE)
+
     def test_results_of_another_run_or_calibration_are_refused(self, folder, inflation, sphere, wide: Calibration):
         with ResultsFile(inflation[0]) as results, RunFile(folder / "sphere.h5") as other:
             with pytest.raises(Exception, match="measured from another run"):

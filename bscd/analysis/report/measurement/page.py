@@ -66,14 +66,14 @@ def measurement_cards(data: MeasurementData) -> list[dict[str, str]]:
     cards = []
     sphere = data.sphere
     main = None if sphere is None else sphere.after or sphere.standard
-    if sphere is not None and main is not None:
+    if sphere is not None and main is not None and main.fit is not None:
         before = None if sphere.before is None or sphere.before is main else sphere.before
         cards.append(
             {
                 "name": "Sphere, radial deviation",
                 "value": _deviation_um(main),
                 "unit": "µm",
-                "note": "" if before is None else f"{_deviation_um(before)} µm before correction",
+                "note": "" if before is None or before.fit is None else f"{_deviation_um(before)} µm before correction",
             }
         )
     if data.inflation is not None:
