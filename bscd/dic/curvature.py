@@ -35,7 +35,7 @@ _CELL = 0.3
 _LARGEST_NOISE = 0.5
 
 #: Change of the held part whose effect, in sigma of the match, is not worth another solution.
-_LARGEST_BIAS = 0.1
+_LARGEST_BIAS = 0.25
 
 #: A match less alike than the median by more than this has no say on its neighbours.
 _LESS_ALIKE = 0.1
@@ -48,6 +48,9 @@ _TERMS = 6
 #: A point that is off by more than this many times the variance that points have everywhere counts as this many; what
 #: that takes off noise's mean is made up for.
 _MOST_SCATTER = 2.0
+
+#: Of a thousand points with nothing but noise one strays by this many times the variance.
+_STRAY = 7.0
 
 #: Median of half the sum of two unit normal variables' squares.
 _MEDIAN = np.log(2.0)
@@ -105,25 +108,27 @@ class Curvature:
         off = values - (self._weights[:, :1] @ values[self._index])[:, 0]
         return np.where((known & self._good)[:, None], off, np.nan)
 
-    def scatter(self, residual_px: FloatArray, covariance_px2: FloatArray) -> FloatArray:
+    def scatter(self, residual_px: FloatArray, covariance_px2: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Variance ``(N,)`` of residuals ``(N, 2)`` over what their covariance ``(N, 2, 2)`` lets expect.
 
-        Local means; at least 1, and 1 where too little is known: Birge's ratio, squared (Birge 1932, Phys Rev
-        40:207-227). Points whose subsets overlap share their errors as far as they overlap. The residuals are those
-        of the fit that was made last.
+        Beside it which points stray by more than chance may explain, ``(N,)``. Local means; at least 1, and 1 where too
+        little is known: Birge's ratio, squared (Birge 1932, Phys Rev 40:207-227). Points whose subsets overlap share
+        their errors as far as they overlap. The residuals are those of the fit that was made last.
         """
         used = np.isfinite(residual_px).all(axis=1) & self._good
         if not used.any():
-            return np.ones(len(used))
+            return np.ones(len(used)), np.zeros(len(used), bool)
         solved = np.linalg.solve(covariance_px2[used], residual_px[used, :, None])[:, :, 0]
         squares, expected = np.zeros(len(used)), np.where(used, self._expected, 0.0)
         squares[used] = np.sum(residual_px[used] * solved, axis=1) / 2.0
         everywhere = max(float(np.median(squares[used] / expected[used])) / _MEDIAN, 1.0)
+        stray = squares > _STRAY * everywhere * expected
         squares = np.minimum(squares, _MOST_SCATTER * everywhere * expected) / -np.expm1(-_MOST_SCATTER)
         there = np.isfinite(self._offset[:, :, 0])
         for _ in range(2):
             squares, expected = (np.sum(there * sums[self._index], axis=1) for sums in (squares, expected))
-        return np.maximum(np.divide(squares, expected, out=np.ones_like(squares), where=expected > 0.0), 1.0)
+        ratio = np.divide(squares, expected, out=np.ones_like(squares), where=expected > 0.0)
+        return np.maximum(ratio, 1.0), np.asarray(stray)
 
     def bias_px(self, second: FloatArray) -> FloatArray:
         """Bound ``(N, 2)`` of what second derivatives ``(N, 6)`` that were not held do to a match."""
@@ -217,7 +222,7 @@ def follow_curvature(
 def with_scatter(found: Correlation, curvature: Curvature, smooth: BoolArray) -> Correlation:
     """With the covariance that the field's own scatter asks for, taken where it is ``smooth`` ``(N,)``."""
     residual = np.where(smooth[:, None], curvature.residual_px(found.displacement_px), np.nan)
-    scatter = curvature.scatter(residual, found.covariance_px2)
+    scatter, _ = curvature.scatter(residual, found.covariance_px2)
     return replace(
         found,
         sigma_px=found.sigma_px * np.sqrt(scatter)[:, None],

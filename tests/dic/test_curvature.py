@@ -89,7 +89,7 @@ class TestScatter:
         found = []
         for _ in range(6):
             noise = times * overlapping_noise(points, self.COVARIANCE, rng)
-            found.append(fit.scatter(fit.residual_px(quadratic(points) + noise), known))
+            found.append(fit.scatter(fit.residual_px(quadratic(points) + noise), known)[0])
         return np.mean(found)
 
     @pytest.mark.parametrize("step", [5.0, 10.0, 20.0, 30.0])
@@ -104,9 +104,11 @@ class TestScatter:
         points, rng = grid(10.0, 30, 30), np.random.default_rng(5)
         values = quadratic(points) + overlapping_noise(points, self.COVARIANCE, rng)
         fit, known = Curvature(points, SUBSET), np.tile(self.COVARIANCE, (len(points), 1, 1))
-        before = fit.scatter(fit.residual_px(values), known)
+        before, _ = fit.scatter(fit.residual_px(values), known)
         values[465] += 0.05  # ten sigma
-        after = fit.scatter(fit.residual_px(values), known)
+        after, stray = fit.scatter(fit.residual_px(values), known)
+        assert stray[465]
+        assert stray.mean() < 0.005
         assert (after / before).max() < 1.6
 
     def test_points_that_are_not_known_count_for_nothing(self):
@@ -115,7 +117,9 @@ class TestScatter:
         values = np.full((len(points), 2), np.nan)
         assert np.isnan(fit.residual_px(values)).all()
         covariance = np.full((len(points), 2, 2), np.nan)
-        np.testing.assert_array_equal(fit.scatter(fit.residual_px(values), covariance), 1.0)
+        scatter, stray = fit.scatter(fit.residual_px(values), covariance)
+        np.testing.assert_array_equal(scatter, 1.0)
+        assert not stray.any()
 
 
 def test_second_derivatives_that_make_matches_less_alike_are_not_taken():

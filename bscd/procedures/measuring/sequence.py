@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from bscd.arrays import BoolArray, FloatArray
 from bscd.calibration import ImageCovariances, Located
 from bscd.dic import Status
-from bscd.dic.curvature import Curvature
 from bscd.dic.solver import usable_cores
 from bscd.dic.stereo import match_views
 from bscd.dic.tracking import Tracked, Tracker, TrackingSettings, at_rest
 from bscd.procedures.measuring.geometry import PairGeometry
 from bscd.procedures.measuring.settings import MeasureSettings
-from bscd.procedures.measuring.uncertainty import frame_covariances, reference_covariances
+from bscd.procedures.measuring.uncertainty import Uncertainty
 from bscd.procedures.measuring.views import FrameViews
 
 
@@ -106,20 +105,20 @@ class Sequence:
         self._left = Tracker(reference.left, points_px[self._usable], tracking)
         self._right = Tracker(reference.right, self._right_px[self._usable], tracking)
         self._stereo = self.stereo.only(self._usable)
-        self._field = Curvature(points_px[self._usable], settings.subset_px)
         self._located = geometry.locate(points_px[self._usable], self._right_px[self._usable])
+        self._uncertainty = Uncertainty(
+            self._stereo, points_px[self._usable], self._right_px[self._usable], settings.subset_px
+        )
         here, there = at_rest(points_px[self._usable]), at_rest(self._right_px[self._usable])
         self.reference = self._measured(
-            here, replace(there, zncc=self._stereo.zncc), self._located, reference_covariances(self._stereo)
+            here, replace(there, zncc=self._stereo.zncc), self._located, self._uncertainty.of_reference()
         )
 
     def measure(self, frame: FrameViews) -> Measured:
         """The next frame."""
         left, right = self._tracked(frame)
-        images = frame_covariances(
-            left, right, self._stereo, self.points_px[self._usable], self._right_px[self._usable], self._field
-        )
-        return self._measured(left, right, self._geometry.locate(left.position_px, right.position_px), images)
+        located = self._geometry.locate(left.position_px, right.position_px)
+        return self._measured(left, right, located, self._uncertainty.of_frame(left, right))
 
     def _tracked(self, frame: FrameViews) -> tuple[Tracked, Tracked]:
         """Both views, at the same time where there are cores for it."""

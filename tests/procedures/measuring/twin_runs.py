@@ -79,6 +79,7 @@ class TwinRuns:
 
     def sphere(self, noise_times: float = 1.0) -> list[FrameRecord]:
         """Four frames through the biprism, and two of each camera with it lowered."""
+        self._rng = np.random.default_rng(6)  # the same pictures whoever asks first
         low = self.sphere_state._replace(jack_mm=LOWERED_MM)
         taken = [
             *[("primary", self.sphere_state, RAISED_MM)] * 4,
@@ -95,6 +96,7 @@ class TwinRuns:
         ]
 
     def inflation(self, pressures_kpa: Sequence[float], noise_times: float = 1.0) -> list[FrameRecord]:
+        self._rng = np.random.default_rng(5)
         return [
             self.frame(self.image(self.inflated(p), noise_times=noise_times), k, p) for k, p in enumerate(pressures_kpa)
         ]
