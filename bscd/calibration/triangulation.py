@@ -15,6 +15,11 @@ TriangulationMethod = Literal["linear", "optimal"]
 
 _GAUSS_NEWTON_STEPS = 4
 
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+#: A step as small as this ends the iteration; the next one would be some thousand times smaller.
+_CONVERGED_MM = 1e-6
+
 
 @dataclass(frozen=True)
 class Triangulated:
@@ -50,7 +55,10 @@ def triangulate(
     steps = _GAUSS_NEWTON_STEPS if method == "optimal" else 0
     for _ in range(steps):
         residual, design = _linearise(matrices, measured, points)
-        points = points + np.einsum("nij,nj->ni", _pseudo_inverse(design), residual)
+        step = np.einsum("nij,nj->ni", _pseudo_inverse(design), residual)
+        points = points + step
+        if not np.any(np.abs(step) > _CONVERGED_MM):
+            break
     residual, design = _linearise(matrices, measured, points)
     return Triangulated(points, residual.reshape(measured.shape), _pseudo_inverse(design))
 
@@ -79,16 +87,18 @@ def _pseudo_inverse(design: FloatArray) -> FloatArray:
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve ``(N, 3, 3)`` systems by Cramer's rule; rows that are not finite or singular give NaN.
+    """Solve symmetric ``(N, 3, 3)`` systems by Cramer's rule; rows that are not finite or singular give NaN.
 
     The systems are scaled by their largest element, so that no determinant over- or underflows.
     """
-    scale = np.abs(normal).max(axis=(1, 2), keepdims=True)
+    scale = np.abs(normal).max(axis=(1, 2))
     with np.errstate(invalid="ignore", divide="ignore"):
-        scaled = normal / scale
-        columns = np.moveaxis(scaled, 2, 0)
-        cofactors = np.stack([np.cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) for i in range(3)], axis=1)
-        determinant = np.einsum("ni,ni->n", cofactors[:, 0], columns[0])
-        inverse = cofactors / (determinant[:, None, None] * scale)
+        a, b, c, d, e, f = (normal[:, i, j] / scale for i, j in _UPPER)
+        cofactors = (d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b)
+        determinant = a * cofactors[0] + b * cofactors[1] + c * cofactors[2]
+        share = 1.0 / (determinant * scale)
+        inverse = np.empty_like(normal)
+        for (i, j), cofactor in zip(_UPPER, cofactors, strict=True):
+            inverse[:, i, j] = inverse[:, j, i] = cofactor * share
     inverse[~np.isfinite(inverse).all(axis=(1, 2))] = np.nan
     return inverse @ right if right.ndim == 3 else np.einsum("nij,nj->ni", inverse, right)
