@@ -98,6 +98,11 @@ def import_folder(
     warnings = remarks(rows, images, seen)
     if not config_text:
         warnings.append(f"there is no {RIG} beside {MANIFEST}; calibrating needs the target's geometry from one")
+    for name, camera in cameras.items():
+        if 8 < camera.bit_depth < 16:
+            warnings.append(
+                f"the {name} camera's 16-bit images use {camera.bit_depth} bits; full scale is taken as that"
+            )
     if any(_lacks_y(row) for row in rows):
         warnings.append(f"where y_mm is empty it is taken as {POSITION_STEP_MM:g} mm x target_position")
     run_uuid = _write(out, folder, rows, images, cameras, config_text, warnings, report)

@@ -18,6 +18,9 @@ from bscd.errors import InputError
 
 _NAMES_SHOWN = 5
 
+#: Cameras' depths that 16-bit files hold; the pixels may use the lower bits only.
+_DEPTHS = (10, 12, 14, 16)
+
 
 @dataclass(frozen=True, slots=True)
 class SeenImage:
@@ -26,6 +29,7 @@ class SeenImage:
     shape: tuple[int, ...]
     dtype: np.dtype[np.generic]
     from_colour: bool
+    largest: int
 
     def __str__(self) -> str:
         """Size and depth, as a message names them."""
@@ -41,13 +45,16 @@ def look_at(row: ManifestRow, path: Path, folder: Path) -> SeenImage | Problem:
         image = read_grey(path)
     except InputError as err:
         return Problem(where, f"file {row.file} {err}")
-    return SeenImage(image.data.shape, image.data.dtype, image.from_colour)
+    return SeenImage(image.data.shape, image.data.dtype, image.from_colour, int(image.data.max()))
 
 
 def cameras_of(
     rows: Sequence[ManifestRow], seen: Mapping[str, SeenImage]
 ) -> tuple[dict[CameraName, CameraMeta], list[Problem]]:
-    """Each camera as most of its images show it, and the images that differ."""
+    """Each camera as most of its images show it, and the images that differ.
+
+    A camera of 16-bit files has the smallest usual depth that holds the grey levels of all its images.
+    """
     cameras: dict[CameraName, CameraMeta] = {}
     problems: list[Problem] = []
     for camera in CAMERAS:
@@ -61,7 +68,9 @@ def cameras_of(
                 what = f"file {row.file} is {seen[row.file]}, the {camera} camera's others are {usual}"
                 problems.append(Problem(f"{MANIFEST}:{row.line}", what))
         one = next(seen[row.file] for row in mine if str(seen[row.file]) == usual)
-        cameras[camera] = CameraMeta(one.shape[1], one.shape[0], bit_depth=8 * one.dtype.itemsize)
+        largest = max(seen[row.file].largest for row in mine)
+        depth = 8 if one.dtype == np.uint8 else next(bits for bits in _DEPTHS if largest < 2**bits)
+        cameras[camera] = CameraMeta(one.shape[1], one.shape[0], bit_depth=depth)
     return cameras, problems
 
 

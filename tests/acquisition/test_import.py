@@ -51,6 +51,23 @@ def refused(folder, tmp_path):
     return [str(problem) for problem in caught.value.problems]
 
 
+@pytest.mark.parametrize(
+    ("largest", "bits"), [(200, 10), (1023, 10), (1024, 12), (4095, 12), (16383, 14), (16384, 16), (65535, 16)]
+)
+def test_depth_of_a_camera_in_16_bit_files(folder, tmp_path, largest, bits):
+    """Of all its images together: a dark one does not tell."""
+    pixels = np.full((6, 10), largest // 8, np.uint16)
+    cv2.imwrite(str(folder / "dark.png"), pixels)
+    pixels[2, 3] = largest
+    cv2.imwrite(str(folder / "aux.png"), pixels)
+    write_manifest(folder, "dark.png,auxiliary,reference-face,1,2,0,,", "aux.png,auxiliary,reference-face,2,4,0,,")
+    result = import_folder(folder, tmp_path / "run.h5")
+    with RunFile(tmp_path / "run.h5") as run:
+        assert run.cameras["auxiliary"].bit_depth == bits
+        assert all(frame.data.dtype == np.uint16 for frame in run.frames("auxiliary"))
+    assert any(f"16-bit images use {bits} bits" in text for text in result.warnings) == (bits < 16)
+
+
 def test_images_and_readings_come_back_as_they_were(folder, tmp_path):
     result = import_folder(folder, tmp_path / "run.h5")
     assert result.warnings == ()
