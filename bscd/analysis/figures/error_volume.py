@@ -31,7 +31,7 @@ def draw_error_volume(volume: Validation) -> Figure:
     if not volume.inside.any():
         return draw_nothing(NOTHING_INSIDE)
     figure = new_figure(3.9)
-    boxes = ((0.075, 0.14, 0.35, 0.7), (0.49, 0.14, 0.24, 0.7), (0.795, 0.14, 0.13, 0.7))
+    boxes = ((0.075, 0.14, 0.33, 0.7), (0.465, 0.14, 0.2, 0.7), (0.72, 0.14, 0.2, 0.7))
     depth_axes, count_axes, front_axes = (figure.add_axes(box) for box in boxes)
     series = [("before", BEFORE, volume.error_mm("uncorrected")), ("after", AFTER, volume.error_mm("corrected"))]
     if volume.floor_mm is not None:

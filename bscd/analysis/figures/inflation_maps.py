@@ -96,7 +96,7 @@ def draw_own_scales(
     ``names`` are the axes' labels, ``apart`` ``(N,)`` the extrapolated places.
     """
     count = len(panels)
-    each_in = WIDTH_IN / count
+    each_in = (WIDTH_IN - 0.25) / count
     side_in = each_in - 1.1
     figure = new_figure(side_in + 1.25)
     for place, (title, unit, values) in enumerate(panels):

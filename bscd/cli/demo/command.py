@@ -14,11 +14,13 @@ import typer
 
 from bscd.acquisition import PhaseName, RunFile
 from bscd.analysis.report import ReportData, write_report
+from bscd.analysis.report.measurement import MeasurementData
 from bscd.analysis.validation import Validation, compare_variants, validate
 from bscd.calibration import Calibration
 from bscd.cli.composition import build_devices, build_world
 from bscd.cli.demo import calibrating, measuring
 from bscd.cli.demo.summary import summarise, told
+from bscd.cli.progress import progress
 from bscd.cli.setup_facts import setup_facts
 from bscd.cli.twin_truth import WitnessedWorld, with_truth
 from bscd.config import RigConfig, parse_config
@@ -98,27 +100,12 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
         inflated = measuring.measure(calibration, recording, world, config, out)
     finally:
         world.close()
-    with (
-        ResultsFile(out / measuring.SPHERE_RESULT) as sphere,
-        ResultsFile(out / measuring.SPHERE_STANDARD) as standard,
-        ResultsFile(out / measuring.INFLATION_RESULT) as inflation,
-        RunFile(out / measuring.SPHERE) as sphere_run,
-        RunFile(out / measuring.INFLATION) as inflation_run,
-    ):
-        sources = [
-            Source(results, run, calibration)
-            for results, run in ((sphere, sphere_run), (standard, sphere_run), (inflation, inflation_run))
-        ]
-        measured = gather_measurement(
-            sources,
-            sphere_radius_mm=config.sphere.radius_mm,
-            facts=setup_facts(config_text),
-            truth_w_rms_mm=inflated.w_rms_mm,
-        )
+    with progress("Report", 2, "parts") as step:
+        measured = _measured(calibration, config, config_text, inflated, out)
         summary = summarise(calibration, pos0, volume, measured, measuring.summary(inflated, out))
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    write_report(
-        ReportData(
+        (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        step(1, "figures")
+        data = ReportData(
             title=f"Calibration and measurement with {config.rig.name}",
             started=started,
             duration_s=time.monotonic() - begun,
@@ -135,10 +122,30 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
             examples=_examples(out),
             reference_views=calibrated.reference_views,
             measurement=measured,
-        ),
-        out,
-    )
+        )
+        write_report(data, out)
+        step(1, "done")
     return DemoResult(out, calibration, pos0, volume, summary)
+
+
+def _measured(
+    calibration: Calibration, config: RigConfig, text: str, inflated: measuring.Inflated, out: Path
+) -> MeasurementData:
+    """What the report tells of sphere and inflation."""
+    with (
+        ResultsFile(out / measuring.SPHERE_RESULT) as sphere,
+        ResultsFile(out / measuring.SPHERE_STANDARD) as standard,
+        ResultsFile(out / measuring.INFLATION_RESULT) as inflation,
+        RunFile(out / measuring.SPHERE) as sphere_run,
+        RunFile(out / measuring.INFLATION) as inflation_run,
+    ):
+        pairs = ((sphere, sphere_run), (standard, sphere_run), (inflation, inflation_run))
+        return gather_measurement(
+            [Source(results, run, calibration) for results, run in pairs],
+            sphere_radius_mm=config.sphere.radius_mm,
+            facts=setup_facts(text),
+            truth_w_rms_mm=inflated.w_rms_mm,
+        )
 
 
 def _prepare(out: Path) -> None:
