@@ -52,6 +52,7 @@ class Measurement:
     frames: Iterator[FrameResult]
 
 
+@plain_linear_algebra()
 def measure_run(
     calibration: Calibration,
     run: RunFile,
