@@ -22,6 +22,9 @@ _TRIAL_SUBSETS = 2.5
 #: Window of the last resort's search, px (paper, section 2.2.3).
 _SEARCH_PX = 41
 
+#: A jump is coarse, and what is found by the strongest features spreads to the neighbours.
+_FEATURES = 1500
+
 #: Enough are found when no more than this share is lost.
 _ENOUGH_LOST = 0.1
 
@@ -43,7 +46,7 @@ class Jump:
     @cached_property
     def features(self) -> FeatureMatches:
         """By matched features."""
-        return FeatureMatches(*self._images)
+        return FeatureMatches(*self._images, most=_FEATURES)
 
 
 def recovered(

@@ -13,14 +13,14 @@ from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.guess.grey import eight_bit
 from bscd.dic.images import PreparedImage
 
-#: The strongest features that are looked for in each image.
+#: So many of the strongest features are looked for in each image, if not told otherwise.
 _FEATURES = 4000
 
 #: Lowe's ratio: a match counts when the second best is this much farther away.
 _RATIO = 0.8
 
-#: Features of reference images, which are asked for again and again; they go with their image.
-_known: WeakKeyDictionary[PreparedImage, tuple[FloatArray, NDArray[np.float32]]] = WeakKeyDictionary()
+#: Features of reference images by their number, for they are asked for again and again; they go with their image.
+_known: WeakKeyDictionary[PreparedImage, dict[int, tuple[FloatArray, NDArray[np.float32]]]] = WeakKeyDictionary()
 
 #: Matches about a point that a local affine map is fitted to, and how far one may be from its neighbours' map.
 _NEIGHBOURS = 12
@@ -30,8 +30,8 @@ _CONSISTENT_PX = 6.0
 class FeatureMatches:
     """Consistent matches of features between a reference and a current image."""
 
-    def __init__(self, reference: PreparedImage, current: PreparedImage) -> None:
-        self._places, self._moved = _matches(reference, current)
+    def __init__(self, reference: PreparedImage, current: PreparedImage, most: int = _FEATURES) -> None:
+        self._places, self._moved = _matches(reference, current, most)
         for _ in range(2):  # the second pass with neighbourhoods that the first has cleaned
             if len(self._places) > _NEIGHBOURS:
                 kept = _consistent(self._places, self._moved)
@@ -44,16 +44,13 @@ class FeatureMatches:
         return _local_affine(self._places, self._moved, points_px)
 
 
-def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArray, FloatArray]:
+def _matches(reference: PreparedImage, current: PreparedImage, most: int) -> tuple[FloatArray, FloatArray]:
     """Places ``(M, 2)`` of matched features and their displacements ``(M, 2)``, px."""
     places: list[FloatArray] = []
     descriptors = []
     for grey, image in zip(eight_bit(reference, current), (reference, current), strict=True):
-        found = _known.get(image) if image is reference else None
-        if found is None:
-            found = _features(grey, image)
-        if image is reference:
-            _known[image] = found
+        kept = _known.setdefault(image, {}) if image is reference else {}
+        found = kept[most] if most in kept else kept.setdefault(most, _features(grey, image, most))
         if len(found[0]) < 2:
             return np.empty((0, 2)), np.empty((0, 2))
         places.append(found[0])
@@ -65,17 +62,17 @@ def _matches(reference: PreparedImage, current: PreparedImage) -> tuple[FloatArr
     return start, places[1][matched[:, 1]] - start
 
 
-def _features(grey: NDArray[np.uint8], image: PreparedImage) -> tuple[FloatArray, NDArray[np.float32]]:
+def _features(grey: NDArray[np.uint8], image: PreparedImage, most: int) -> tuple[FloatArray, NDArray[np.float32]]:
     """Places ``(M, 2)`` of the strongest features and their descriptors ``(M, 128)``; only where the mask is."""
     x, y, width, height = (0, 0, *grey.shape[::-1]) if image.mask is None else cv2.boundingRect(image.mask)
     part = (slice(y, y + height), slice(x, x + width))
     mask = None if image.mask is None else np.ascontiguousarray(image.mask[part])
     if not (width and height):
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
-    found, described = cv2.SIFT.create(nfeatures=_FEATURES).detectAndCompute(np.ascontiguousarray(grey[part]), mask)
+    found, described = cv2.SIFT.create(nfeatures=most).detectAndCompute(np.ascontiguousarray(grey[part]), mask)
     if described is None:
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
-    return np.array([keypoint.pt for keypoint in found]) + np.array([x, y]), described
+    return np.array([keypoint.pt for keypoint in found]) + np.array([x, y]), np.asarray(described, np.float32)
 
 
 def _consistent(places: FloatArray, moved: FloatArray) -> BoolArray:
