@@ -31,6 +31,8 @@ from tests.benchmarks.dic.photographs import (
 WAYS: tuple[tuple[ShapeName, int], ...] = (
     ("affine", 37),
     ("affine", 21),
+    ("curved", 37),
+    ("curved", 21),
     ("quadratic", 37),
     ("quadratic", 31),
 )

@@ -71,7 +71,15 @@ def test_first_order_errs_with_the_subsets_area(photographs):
     assert 0.05 < small < large
     assert large / small == pytest.approx((37**2 - 1) / (27**2 - 1), rel=0.2)
     assert bias_px(photographs.stored[RIGHT, 1]) == pytest.approx(large, rel=0.2)
-    assert abs(bias_px(photographs.matched("quadratic", frames=1)[RIGHT, 1])) < 0.1 * large
+    for shape in ("quadratic", "curved"):
+        assert abs(bias_px(photographs.matched(shape, frames=1)[RIGHT, 1])) < 0.1 * large
+
+
+def test_as_it_is_by_default_it_differs_by_that_bias_alone(photographs):
+    found = photographs.matched("curved", 21, frames=1)[RIGHT, 1]
+    assert np.median(apart_px(found, photographs.stored[RIGHT, 1])) <= 0.12
+    second = photographs.matched("quadratic", 31, frames=1)[RIGHT, 1]
+    assert np.median(apart_px(found, second)) <= 0.06
 
 
 def test_small_subsets_of_few_shapes_are_not_taken_for_others(photographs):
