@@ -19,6 +19,8 @@ from drivers.simulated.faults import Fault, Faults
 from drivers.simulated.motion import Motion, at_rest, braking, duration_s, position_at, trapezoidal
 
 STALL_NOTICED_AFTER_S = 0.3
+LIMIT_SWITCH_HIT = "limit switch hit"
+MOTOR_STALLED = "motor stalled"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,7 @@ class Carriage:
         self._activity = Activity.RESTING
         self._ending = Ending.COMPLETED
         self._alarm = ""
+        self._ends_at_switch = False
         self._motion = at_rest(spec.start)
         self._since_s = self._end_s = clock.now_s()
         self._error_from = self._error_to = 0.0
@@ -137,14 +140,40 @@ class Carriage:
                 raise NotHomedError(
                     self._name, f"moving to {position:g}: it does not know where it is", "home it first"
                 )
+            self._ends_at_switch = False
             self._set_off(Activity.MOVING, self.nearest(position), self.spec.speed)
+
+    def drive_to(self, position: float, speed: float) -> None:
+        """Set off to a place of the counter at ``speed`` (at most its own), homed or not, as a bare controller does.
+
+        Where the travel ends before that place, so does the motion, in the alarm of a limit switch. Raises
+        `DeviceBusyError`.
+        """
+        with self._lock:
+            self._update()
+            self._require_resting()
+            limits, wanted = self.spec.limits, position + self._counter_zero
+            end = min(max(wanted, limits.low), limits.high)
+            self._ends_at_switch = abs(wanted - end) > self.spec.resolution / 2.0
+            self._set_off(Activity.MOVING, self.nearest(end), min(speed, self.spec.speed))
+
+    def power_cycle(self) -> None:
+        """Switch off and on: it stands where it is, and forgets where that is unless it knew when powered first."""
+        with self._lock:
+            self._update()
+            self._freeze()
+            if self._activity is not Activity.RESTING:
+                self._become(Activity.RESTING)
+            self._ending, self._alarm = Ending.COMPLETED, ""
+            self._homed = self.spec.homed
+            self._counter_zero = 0.0 if self.spec.homed else self._motion.end
 
     def begin_home(self) -> None:
         """Set off to the reference switch; the counter is not to be trusted until there."""
         with self._lock:
             self._update()
             self._require_resting()
-            self._homed = False
+            self._homed = self._ends_at_switch = False
             self._set_off(Activity.HOMING, self.spec.home, self.spec.homing_speed)
 
     def halt(self) -> None:
@@ -200,7 +229,7 @@ class Carriage:
         if self._activity in (Activity.MOVING, Activity.HOMING):
             if self._faults.strike(Fault.LIMIT_HIT):
                 self._freeze()
-                self._rest(Ending.FAULT, "limit switch hit")
+                self._rest(Ending.FAULT, LIMIT_SWITCH_HIT)
                 return
             if self._faults.strike(Fault.STALLED_MOVE):
                 self._freeze()
@@ -209,12 +238,17 @@ class Carriage:
                 self._freeze()
                 self._become(Activity.HANGING)
         if self._activity is Activity.STALLED and self._elapsed_s() >= STALL_NOTICED_AFTER_S:
-            self._rest(Ending.FAULT, "motor stalled")
+            self._rest(Ending.FAULT, MOTOR_STALLED)
         running = self._activity in (Activity.MOVING, Activity.HOMING, Activity.STOPPING)
         if running and self._clock.now_s() >= self._end_s:
             if self._activity is Activity.HOMING:
                 self._homed, self._counter_zero = True, 0.0
-            self._rest(Ending.STOPPED if self._activity is Activity.STOPPING else Ending.COMPLETED)
+            if self._activity is Activity.STOPPING:
+                self._rest(Ending.STOPPED)
+            elif self._ends_at_switch:
+                self._rest(Ending.FAULT, LIMIT_SWITCH_HIT)
+            else:
+                self._rest(Ending.COMPLETED)
 
     def _require_resting(self) -> None:
         if self._activity is not Activity.RESTING:
