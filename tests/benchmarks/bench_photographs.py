@@ -15,6 +15,7 @@ import numpy as np
 
 from bscd.dic.solver import ShapeName
 from tests.benchmarks.dic.photograph_figures import cylinder_figure, views_figure
+from tests.benchmarks.dic.photograph_outlines import outline_radius_mm
 from tests.benchmarks.dic.photographs import (
     FRAMES,
     LEFT,
@@ -99,6 +100,12 @@ def main(arguments: list[str] | None = None) -> int:
         print(row(f"bscd {shape} {subset_px}", photographs, found))
         if asked.pictures and (shape, subset_px) == ("affine", SUBSET_PX):
             pictures(photographs, found, asked.pictures)
+    for name, path in (("calibration", "multidic-dlt/{0}.jpg"), ("speckled", "multidic-speckle/{0}/{0}_1.jpg")):
+        files = {
+            camera: cv2.imread(str(folder / path.format(camera)), cv2.IMREAD_GRAYSCALE) for camera in (LEFT, RIGHT)
+        }
+        seen = {camera: np.asarray(image, float) for camera, image in files.items() if image is not None}
+        print(f"radius of the {name} cylinder by its outlines: {outline_radius_mm(photographs.matrices, seen):.2f} mm")
     return 0
 
 

@@ -1,8 +1,10 @@
 """MultiDIC's photographs of a speckled cylinder: our matches beside its own, and the cylinder's radius."""
 
+import cv2
 import numpy as np
 import pytest
 
+from tests.benchmarks.dic.photograph_outlines import outline_radius_mm
 from tests.benchmarks.dic.photographs import (
     FRAMES,
     LEFT,
@@ -52,6 +54,18 @@ def test_the_radius_is_the_calibration_cylinders(photographs, ours, frame):
     assert found.radius_mm == pytest.approx(RADIUS_MM, rel=0.01)
     assert found.radius_mm == pytest.approx(published.radius_mm, abs=0.03)
     assert found.std_mm <= fit_cylinder(photographs.marks_mm()).std_mm
+
+
+def test_both_cylinders_have_one_radius_by_their_outlines(photographs, real_data):
+    """What lets the speckled cylinder be held to the calibration's: no match takes part."""
+
+    def radius_mm(path):
+        seen = {c: cv2.imread(str(real_data / path.format(c)), cv2.IMREAD_GRAYSCALE) for c in (LEFT, RIGHT)}
+        return outline_radius_mm(photographs.matrices, seen)
+
+    calibration, speckled = radius_mm("multidic-dlt/{0}.jpg"), radius_mm("multidic-speckle/{0}/{0}_1.jpg")
+    assert calibration == pytest.approx(RADIUS_MM, rel=0.01)
+    assert speckled == pytest.approx(calibration, rel=0.003)
 
 
 def test_the_cylinder_moves_as_a_whole(photographs, ours):
