@@ -2,6 +2,9 @@
 #ifndef BSCD_PIXELS_H
 #define BSCD_PIXELS_H
 
+#include <math.h>
+#include <string.h>
+
 #include "icgn.h"
 #include "linear.h"
 
@@ -12,11 +15,18 @@ static int pixel_usable(const bscd_image *image, double x, double y)
     return !image->mask || image->mask[(int64_t)(y + 0.5) * image->width + (int64_t)(x + 0.5)];
 }
 
-/* Whether all pixels of a subset may be used. */
-static int subset_inside(const bscd_image *image, double column, double row, int radius)
+/* Whether all pixels may be used whose position is this far from a middle; most subsets are nowhere near a mask's border,
+ * and a row of it is looked through at once. */
+static int all_usable(const bscd_image *image, double x, double y, double reach_x, double reach_y)
 {
-    return !image->mask && column >= radius && row >= radius && column + radius <= image->width - 1
-           && row + radius <= image->height - 1;
+    const double left = x - reach_x, right = x + reach_x, top = y - reach_y, bottom = y + reach_y;
+    if (!(left >= 0 && top >= 0 && right <= image->width - 1 && bottom <= image->height - 1)) return 0;
+    if (!image->mask) return 1;
+    const int64_t first = (int64_t)left, last = (int64_t)fmin(right + 1, image->width - 1);
+    const int64_t lowest = (int64_t)fmin(bottom + 1, image->height - 1);
+    for (int64_t row = (int64_t)top; row <= lowest; row++)
+        if (memchr(image->mask + row * image->width + first, 0, last - first + 1)) return 0;
+    return 1;
 }
 
 /* use = 1 for the pixels of the subset about a point that count, 0 for others and for the rows' padding; how many. */

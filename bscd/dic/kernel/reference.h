@@ -110,7 +110,7 @@ INLINE int NAME(take_subset)(const int taps, subset *s, const bscd_image *image,
         spline_weights(taps, row - row0, wy, sy);
         NAME(filter_subset)(taps, s, base, image->stride, wx, sx, wy, sy);
     }
-    if (subset_inside(image, column, row, r)) {
+    if (all_usable(image, column, row, r, r)) {
         s->m = s->whole = s->full;
         return s->size * s->size;
     }

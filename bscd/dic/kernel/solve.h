@@ -59,8 +59,7 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
         NAME(extent)(degree, p, right, r, &lanes_x, &lanes_y);
         if (!(reach_x < 8 * r + 8 && reach_y < 8 * r + 8)) return BSCD_DIVERGED;
         const double room = current->pad - taps;
-        const int whole = !current->mask && x - reach_x >= 0 && x + reach_x <= current->width - 1 && y - reach_y >= 0
-                          && y + reach_y <= current->height - 1;
+        const int whole = all_usable(current, x, y, reach_x, reach_y);
         const int clamped = x - lanes_x < -room || x + lanes_x > current->width - 1 + room || y - lanes_y < -room
                             || y + lanes_y > current->height - 1 + room;
         NAME(warp_subset)(degree, &s->warp, current->stride, x, y, p, p + half);
