@@ -15,6 +15,7 @@ from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.calibration.displacement import ImageCovariances, displacement_covariance
 from bscd.calibration.dlt import DltCamera
 from bscd.calibration.hull import Hull
+from bscd.calibration.lens import LensCamera
 from bscd.calibration.maps import DistortionMap, Interpolant, LinearMap, SmoothMap, fit_smooth_map
 from bscd.calibration.motion import TargetMotion
 from bscd.calibration.shifts import ShiftSolver, solve_shifts
@@ -102,6 +103,8 @@ class Calibration:
     """Configuration text, uuids and checksums of the runs it came from, program version, times."""
     jack_mm: float = float("nan")
     """Height of the jacks during the biprism scan."""
+    lenses: Mapping[str, LensCamera] = field(default_factory=dict)
+    """The standard stereo pair as the lattice's adjustment found it, with its lenses."""
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import rq
@@ -12,6 +14,9 @@ from bscd.arrays import AnalyticArray, FloatArray
 
 #: fx, fy, cx, cy (px), k1, k2, p1, p2, rotation vector (rad), translation (mm)
 CAMERA_PARAMETERS = 14
+
+#: Each step leaves the lens's distortion, a small share, of the error before.
+_INVERSE_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,28 @@ class LensCamera:
         """Images ``(N, 2)`` px of points ``(N, 3)`` mm."""
         return np.real(project_lens(self.parameters, points_mm))
 
+    @property
+    def pinhole(self) -> FloatArray:
+        """The projection matrix ``(3, 4)`` of the same camera with a perfect lens."""
+        fx, fy, cx, cy = self.parameters[:4]
+        rotation = np.real(rotation_matrix(self.parameters[8:11]))
+        outer = np.column_stack([rotation, self.parameters[11:14]])
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]) @ outer
+
+    def distorted_px(self, ideal_px: FloatArray) -> FloatArray:
+        """Where the lens puts what a perfect lens would put at ``ideal_px`` ``(..., 2)``."""
+        middle, scale = self.parameters[2:4], self.parameters[:2]
+        return np.real(_brown(self.parameters[4:8], (ideal_px - middle) / scale)) * scale + middle
+
+    def ideal_px(self, seen_px: FloatArray) -> FloatArray:
+        """Where a perfect lens would put what is seen at ``seen_px`` ``(..., 2)``; the inverse of `distorted_px`."""
+        middle, scale = self.parameters[2:4], self.parameters[:2]
+        seen = (seen_px - middle) / scale
+        ideal = seen
+        for _ in range(_INVERSE_STEPS):
+            ideal = ideal + seen - np.real(_brown(self.parameters[4:8], ideal))
+        return ideal * scale + middle
+
 
 def rotation_matrix(vector: AnalyticArray) -> AnalyticArray:
     """Rodrigues' formula; analytic in the vector, so that it also serves a complex step."""
@@ -58,9 +85,16 @@ def project_lens(parameters: AnalyticArray, points_mm: AnalyticArray) -> Analyti
     """`LensCamera.project` as a function; accepts complex numbers (for exact derivatives by a complex step)."""
     fx, fy, cx, cy, k1, k2, p1, p2 = parameters[:8]
     local = points_mm @ rotation_matrix(parameters[8:11]).T + parameters[11:14]
-    x, y = local[:, 0] / local[:, 2], local[:, 1] / local[:, 2]
+    bent = _brown((k1, k2, p1, p2), local[:, :2] / local[:, 2:])
+    return np.stack([fx * bent[:, 0] + cx, fy * bent[:, 1] + cy], axis=1)
+
+
+def _brown(coefficients: Sequence[Any] | AnalyticArray, ideal: AnalyticArray) -> AnalyticArray:
+    """Distorted coordinates ``(..., 2)`` of ideal ones, both over the focal length."""
+    k1, k2, p1, p2 = coefficients
+    x, y = ideal[..., 0], ideal[..., 1]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * k2)
     column = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
     row = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return np.stack([fx * column + cx, fy * row + cy], axis=1)
+    return np.stack([column, row], axis=-1)

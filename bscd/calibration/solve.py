@@ -104,6 +104,7 @@ def calibrate(
         figures,
         dict(origins or {}),
         jack_mm,
+        lattice.cameras,
     )
 
 

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints
 from bscd.calibration.dlt import DltCamera
+from bscd.calibration.lens import LensCamera
 from bscd.calibration.maps import LinearMap, SmoothMap
 from bscd.calibration.motion import TargetMotion
 from bscd.calibration.shifts import SHIFT_NAMES
 from bscd.errors import InputError
 
 FORMAT = "bscd-calibration"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 def calibration_checksum(calibration: Calibration) -> str:
@@ -95,6 +96,9 @@ def _write(calibration: Calibration, file: h5py.File) -> None:
         group["dlt_covariance"] = camera.covariance
         group["matrix"] = camera.matrix
         group.attrs["rms_px"] = camera.rms_px
+    lenses = file.create_group("lenses")
+    for name, lens in calibration.lenses.items():
+        lenses[name] = lens.parameters
     motion = file.create_group("motion")
     for name, value in asdict(calibration.motion).items():
         motion[name] = value
@@ -165,4 +169,5 @@ def _read(file: h5py.File) -> Calibration:
         figures=_attributes(_group(file, "figures")),
         origins={name: str(text) for name, text in _attributes(_group(file, "origins")).items()},
         jack_mm=attributes["jack_mm"],
+        lenses={str(name): LensCamera(_array(file, f"lenses/{name}")) for name in _group(file, "lenses")},
     )

@@ -15,6 +15,10 @@ from bscd.results import StereoSource
 #: The pressure's rise above its start that ends the frames before the ramp.
 _AT_REST_KPA = 0.03
 
+#: Readings farther than this from the middle of those before belong to the ramp already.
+_RISEN_SIGMAS = 6.0
+_LEAST_RISE_KPA = 0.002
+
 #: More frames than these bring the reference's noise no further down.
 _MOST_AT_REST = 16
 
@@ -98,7 +102,12 @@ def count_at_rest(pressure_kpa: FloatArray) -> int:
     if not np.isfinite(pressure_kpa[0]):
         return 1
     rising = ~(np.abs(pressure_kpa - pressure_kpa[0]) <= _AT_REST_KPA)
-    return int(np.argmax(rising)) if rising.any() else 1
+    before = pressure_kpa[: int(np.argmax(rising)) if rising.any() else 1]
+    # where the rise begins shows against the readings' own scatter: a flat membrane moves far with little pressure
+    off = np.abs(before - np.median(before))
+    risen = np.flatnonzero(off > max(_RISEN_SIGMAS * 1.4826 * float(np.median(off)), _LEAST_RISE_KPA))
+    late = risen[risen > len(before) // 2]
+    return int(late[0]) if len(late) else len(before)
 
 
 def frame_records(run: RunFile, choice: FrameChoice) -> Iterator[tuple[FrameRecord, FrameRecord | None]]:

@@ -75,22 +75,27 @@ class BiprismGeometry:
 
 
 class StandardGeometry:
-    """The primary camera without the biprism (left) and the auxiliary camera (right)."""
+    """The primary camera without the biprism (left) and the auxiliary camera (right), their lenses corrected."""
 
     def __init__(self, calibration: Calibration) -> None:
-        if set(calibration.reference) < {"primary", "auxiliary"}:
+        names = ("primary", "auxiliary")
+        if set(calibration.lenses) < set(names):
             raise InputError("calibration: it holds no standard stereo pair; calibrate from a reference scan")
         self._calibration = calibration
-        self._matrices = [calibration.reference[name].matrix for name in ("primary", "auxiliary")]
+        self._lenses = [calibration.lenses[name] for name in names]
+        self._matrices = [lens.pinhole for lens in self._lenses]
         self._depths = depths_mm(calibration)
 
     def curve(self, left_px: FloatArray) -> FloatArray:
         """Where points of the primary camera may be in the auxiliary camera."""
-        return epipolar_curve(self._matrices[0], self._matrices[1], left_px, self._depths)
+        primary, auxiliary = self._lenses
+        ideal = primary.ideal_px(left_px)
+        return auxiliary.distorted_px(epipolar_curve(self._matrices[0], self._matrices[1], ideal, self._depths))
 
     def locate(self, left_px: FloatArray, right_px: FloatArray) -> Located:
-        """Triangulate with the two cameras' DLT."""
-        points = triangulate(self._matrices, [left_px, right_px], self._calibration.choices.triangulation)
+        """Triangulate with the two cameras."""
+        ideal = [lens.ideal_px(seen) for lens, seen in zip(self._lenses, (left_px, right_px), strict=True)]
+        points = triangulate(self._matrices, ideal, self._calibration.choices.triangulation)
         return Located(points, points.xyz_mm, self._calibration.hull.contains(points.xyz_mm), corrected=False)
 
     def describe(self, located: Located, covariance_px2: FloatArray) -> Points3D:

@@ -46,6 +46,8 @@ def inflation(*pressures, **known):
         ((0.05, 0.06, 0.04, 0.3, 0.6), (0, 1, 2)),
         ((0.05, 0.3, 0.05, 0.6), (0,)),  # what comes back to the start's pressure is past the ramp
         ((0.05,) * 3 + (NAN,) * 2, (0, 1, 2)),
+        ((0.050, 0.052, 0.049, 0.051, 0.050, 0.071, 0.3), (0, 1, 2, 3, 4)),  # the ramp has begun in the sixth
+        ((0.050, 0.058, 0.041, 0.055, 0.043, 0.062, 0.3), (0, 1, 2, 3, 4, 5)),  # readings that scatter
         ((NAN, NAN, NAN), (0,)),  # an import: the first frame
         ((0.05,) * 40 + (1.0,), tuple(range(16))),
         ((0.05,) * 3, (0,)),  # no ramp to tell where it begins
