@@ -65,15 +65,16 @@ SECOND = np.array([3, 4, 5, 9, 10, 11])
 class Curvature:
     """Local second-order fits about N points ``(N, 2)``; their weights are kept while the same points are known."""
 
-    def __init__(self, points_px: FloatArray, subset_px: int, radius_subsets: float = _RADIUS_SUBSETS) -> None:
+    def __init__(self, points_px: FloatArray, subset_px: int, widened: float = 1.0) -> None:
         self._points_px = np.asarray(points_px, np.float64)
         self._subset_px = float(subset_px)
         self._square_px2 = (subset_px**2 - 1) / 12.0
         count = len(self._points_px)
-        radius = radius_subsets * subset_px
+        radius = _RADIUS_SUBSETS * subset_px
         if count > 1:
             spacing = float(np.median(KDTree(self._points_px).query(self._points_px, k=2)[0][:, 1]))
             radius = max(radius, _RADIUS_SPACINGS * spacing * 1.01)
+        radius *= widened
         self._offset, self._index = _neighbours(self._points_px, radius)
         self._radius_px = radius
         self._weights = np.zeros((count, _TERMS, self._index.shape[1]))

@@ -17,7 +17,7 @@ from bscd.dic.images import PreparedImage
 from bscd.dic.solver import Lighting, ShapeName
 
 #: The wider neighbourhood, and what it may say otherwise, in sigma.
-_WIDE_SUBSETS = 2.5
+_WIDENED = 5 / 3
 _DOUBTFUL = 0.5
 
 EpipolarCurve = Callable[[FloatArray], FloatArray]
@@ -84,7 +84,7 @@ def _second_order_where_needed(
     There a wider neighbourhood tells others; their effect on the match tells what those of the narrower one are worth.
     Returns the matches and where the field does tell, ``(N,)``.
     """
-    wide = Curvature(points_px, settings["subset_px"], radius_subsets=_WIDE_SUBSETS)
+    wide = Curvature(points_px, settings["subset_px"], widened=_WIDENED)
     with np.errstate(invalid="ignore"):
         off = wide.bias_px(wide.second_derivatives(found.displacement_px) - second) > _DOUBTFUL * found.sigma_px
         smooth = np.asarray(~off.any(axis=1))

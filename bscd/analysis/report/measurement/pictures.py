@@ -69,7 +69,8 @@ def _sphere_pictures(sphere: SphereData) -> Iterator[Picture]:
             "The biprism beside the standard stereo pair",
             "The same sphere by one camera through the biprism and by two cameras without it, on one scale; both end "
             "at the calibrated hull. The biprism shares one sensor between its views and has a smaller stereo angle, "
-            "so its depth is noisier. The pair's lenses are corrected by its own adjustment. The lines are the normal distribution of the uncertainty that bscd states for each; bars that "
+            "so its depth is noisier. The pair's lenses are corrected by its own adjustment. The lines "
+            "are the normal distribution of the uncertainty that bscd states for each; bars that "
             f"are wider than their line mean that the stated sigma is too small.{apart}",
             draw_sphere_beside(after, standard),
         )
