@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bscd.acquisition import RunFile
+from bscd.acquisition.layout import RUN_FILE
 from drivers.twin.options import TwinOptions
 from tests.procedures.measuring.twin_runs import REST_KPA, TwinRuns, wide_calibration, write
 
@@ -19,8 +20,8 @@ FRAMES = (60, 180)
 
 
 def prepared() -> Path:
-    """A folder with cal.h5 and a run of each of `FRAMES`, made the first time (ten seconds)."""
-    made_from = f"{TwinOptions().model_dump_json()} {REST_FRAMES} {RAMP_FRAMES} {TOP_KPA}"
+    """A folder with a new cal.h5 and a run of each of `FRAMES`; the runs are made the first time (ten seconds)."""
+    made_from = f"{TwinOptions().model_dump_json()} {REST_FRAMES} {RAMP_FRAMES} {TOP_KPA} {RUN_FILE.version}"
     folder = Path(tempfile.gettempdir()) / f"bscd-bench-{hashlib.sha256(made_from.encode()).hexdigest()[:12]}"
     if not (folder / "ready").exists():
         folder.mkdir(exist_ok=True)
@@ -28,11 +29,12 @@ def prepared() -> Path:
             left_over.unlink()
         _make(folder)
         (folder / "ready").touch()
+    (folder / "cal.h5").unlink(missing_ok=True)
+    wide_calibration().save(folder / "cal.h5")
     return folder
 
 
 def _make(folder: Path) -> None:
-    wide_calibration().save(folder / "cal.h5")
     pressures = [*[REST_KPA] * REST_FRAMES, *np.linspace(REST_KPA, TOP_KPA, RAMP_FRAMES + 1)[1:]]
     runs = TwinRuns()
     rise = runs.inflation(pressures)
