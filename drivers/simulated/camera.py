@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import DeviceBusyError, DeviceError, DeviceFaultError, DeviceTimeoutError, OutOfLimitsError
 from drivers.interfaces import CameraInfo, CameraStatus, Frame, Range
@@ -16,7 +17,7 @@ from drivers.simulated.faults import Fault, Faults
 from drivers.simulated.link import Link
 from drivers.simulated.options import SimulatedCameraOptions
 from drivers.simulated.stream import FrameStream, Pace
-from drivers.simulated.world import world_of
+from drivers.simulated.world import PhysicalWorld, world_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +34,18 @@ class SimulatedCamera:
     ----------
     faults : Faults
         Where faults are injected.
+    options : SimulatedCameraOptions
+        What it was made of.
+    world : PhysicalWorld
+        What it sees; for emulators.
     """
 
     def __init__(self, options: SimulatedCameraOptions, context: DriverContext) -> None:
         self.name = context.name
         self.faults = Faults(context.name, [Fault.NO_ANSWER, Fault.DROPPED_FRAME])
-        self._options = options
+        self.options = options
         self._clock = context.clock
-        self._world = world_of(context)
+        self.world: PhysicalWorld = world_of(context)
         self._link = Link(context.name, context.clock, self.faults, options.answer_timeout_s)
         self._rng = np.random.default_rng([options.seed, zlib.crc32(context.name.encode())])
         self._settings = _Settings(options.exposure_s, options.gain_db, options.frame_rate_hz)
@@ -63,17 +68,17 @@ class SimulatedCamera:
     def info(self) -> CameraInfo:
         """Identity and capabilities."""
         self._link.ask("asking for its identity")
-        optics = self._world.optics(self._options.camera)
+        optics = self.world.optics(self.options.camera)
         return CameraInfo(
             vendor="bscd",
-            model=f"digital twin {self._options.camera} camera",
+            model=f"digital twin {self.options.camera} camera",
             serial=f"twin-{self.name}",
             width_px=optics.width_px,
             height_px=optics.height_px,
             pixel_size_mm=optics.pixel_size_mm,
-            bit_depth=self._world.options.sensor.bits,
-            exposure_limits_s=Range(*self._options.exposure_limits_s),
-            gain_limits_db=Range(*self._options.gain_limits_db),
+            bit_depth=self.world.options.sensor.bits,
+            exposure_limits_s=Range(*self.options.exposure_limits_s),
+            gain_limits_db=Range(*self.options.gain_limits_db),
         )
 
     def status(self) -> CameraStatus:
@@ -117,7 +122,7 @@ class SimulatedCamera:
             self._link.ask(doing, within_s=timeout_s)
             exposure_s = self._settings.exposure_s
             start_s = self._clock.now_s()
-            arrival_s = start_s + exposure_s + self._options.readout_s
+            arrival_s = start_s + exposure_s + self.options.readout_s
             self._clock.sleep(exposure_s / 2.0)
             frame = self._take(arrival_s, wanted=arrival_s - start_s <= timeout_s)
             self._counts = (0, 1) if frame is None else (1, 0)
@@ -137,7 +142,7 @@ class SimulatedCamera:
             if self._stream is not None:
                 raise DeviceBusyError(self.name, f"{doing}: it is streaming already", "stop it first")
             self._link.ask(doing)
-            self._stream = FrameStream(self._clock, self._take, self._pace, self._options.buffer_frames)
+            self._stream = FrameStream(self._clock, self._take, self._pace, self.options.buffer_frames)
 
     def read(self, timeout_s: float = 5.0) -> Frame:
         """The next streamed frame, oldest first."""
@@ -164,6 +169,11 @@ class SimulatedCamera:
             self._counts = stream.counts()
             self._link.ask("stopping the stream")
 
+    def expose(self, exposure_s: float, gain_db: float) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """What the sensor reads now, ``(height, width)``, with the camera's own noise; for emulators."""
+        with self._exposing:
+            return self.world.expose(self.options.camera, exposure_s=exposure_s, gain_db=gain_db, rng=self._rng)
+
     def _take(self, arrival_s: float, wanted: bool) -> Frame | None:
         """The frame of the exposure whose middle is now, None when it is lost on the way."""
         with self._exposing:
@@ -172,8 +182,8 @@ class SimulatedCamera:
                 return None
             settings, middle_s = self._settings, self._clock.now_s()
             try:
-                data = self._world.expose(
-                    self._options.camera, exposure_s=settings.exposure_s, gain_db=settings.gain_db, rng=self._rng
+                data = self.world.expose(
+                    self.options.camera, exposure_s=settings.exposure_s, gain_db=settings.gain_db, rng=self._rng
                 )
             except Exception as error:
                 hint = "check the twin's options"
@@ -184,10 +194,10 @@ class SimulatedCamera:
 
     def _pace(self) -> Pace:
         settings = self._settings
-        return Pace(1.0 / settings.frame_rate_hz, settings.exposure_s, self._options.readout_s)
+        return Pace(1.0 / settings.frame_rate_hz, settings.exposure_s, self.options.readout_s)
 
     def _require_possible(self, settings: _Settings, doing: str) -> None:
-        options = self._options
+        options = self.options
         for what, value, (low, high), unit in (
             ("exposure", settings.exposure_s, options.exposure_limits_s, "s"),
             ("gain", settings.gain_db, options.gain_limits_db, "dB"),

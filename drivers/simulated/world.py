@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Literal, Protocol
 
 import numpy as np
@@ -43,6 +43,10 @@ class PhysicalWorld(Protocol):
 
     def bind(self, quantity: Quantity, source: Callable[[], float]) -> None:
         """Let ``source`` say what a quantity truly is, now and whenever it is asked."""
+        ...
+
+    def state(self) -> Hashable:
+        """Where everything stands now; the images of equal states differ by noise only."""
         ...
 
     def optics(self, camera: CameraName) -> SensorGeometry:
