@@ -55,8 +55,8 @@ _STRAY = 7.0
 #: Median of half the sum of two unit normal variables' squares.
 _MEDIAN = np.log(2.0)
 
-#: Rows that are worked on at a time.
-_ROWS = 1000
+#: Pairs of neighbours that are worked on at a time.
+_ELEMENTS = 300_000
 
 #: Where uxx, uxy, uyy, vxx, vxy, vyy are among a second-order shape's parameters.
 SECOND = np.array([3, 4, 5, 9, 10, 11])
@@ -78,7 +78,7 @@ class Curvature:
         self._offset, self._index = _neighbours(self._points_px, radius)
         self._radius_px = radius
         self._weights = np.zeros((count, _TERMS, self._index.shape[1]))
-        self._expected = np.zeros(count)
+        self._expected, self._stale = np.zeros(count), np.ones(count, bool)
         self._good = np.zeros(count, bool)
         self._known = np.zeros(count, bool)
         self._fresh = True
@@ -119,6 +119,9 @@ class Curvature:
         used = np.isfinite(residual_px).all(axis=1) & self._good
         if not used.any():
             return np.ones(len(used)), np.zeros(len(used), bool)
+        stale = np.flatnonzero(self._stale)
+        self._expected[stale] = self._leftover(self._offset[stale], self._weights[stale, 0])
+        self._stale[:] = False
         solved = np.linalg.solve(covariance_px2[used], residual_px[used, :, None])[:, :, 0]
         squares, expected = np.zeros(len(used)), np.where(used, self._expected, 0.0)
         squares[used] = np.sum(residual_px[used] * solved, axis=1) / 2.0
@@ -153,14 +156,15 @@ class Curvature:
         noise = self._square_px2 / 2.0 * np.sqrt(np.sum(weights[:, [3, 5]] ** 2, axis=(1, 2)))
         self._good[rows] = (there.sum(axis=1) > _TERMS) & (noise < _LARGEST_NOISE)
         self._weights[rows] = weights
-        self._expected[rows] = self._leftover(self._offset[rows], weights[:, 0])
+        self._stale[rows] = True
 
     def _leftover(self, offset_px: FloatArray, weights: FloatArray) -> FloatArray:
         """Variance ``(n,)`` of points about their fits for errors of unit variance that overlapping subsets share."""
         at = np.nan_to_num(offset_px)
         total = np.empty(len(at))
-        for first in range(0, len(at), _ROWS):
-            some = slice(first, first + _ROWS)
+        rows = max(_ELEMENTS // max(at.shape[1], 1) ** 2, 1)
+        for first in range(0, len(at), rows):
+            some = slice(first, first + rows)
             w, here = weights[some], at[some]
             own = (w * self._shared(here)).sum(axis=1)
             pairs = self._shared(here[:, :, None] - here[:, None, :])

@@ -139,7 +139,7 @@ class TestRefused:
 
     def test_no_standard_pair(self, wide, twin_runs, sphere_run):
         with RunFile(sphere_run) as run, pytest.raises(InputError, match="no standard stereo pair"):
-            measure_run(replace(wide, reference={}), run, replace(COARSE, stereo="standard"))
+            measure_run(replace(wide, lenses={}), run, replace(COARSE, stereo="standard"))
 
     @pytest.mark.parametrize(
         ("settings", "said"),
