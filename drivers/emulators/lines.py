@@ -1,0 +1,241 @@
+"""The two lines that an emulator's bytes travel on: a pseudo-terminal, as a USB serial port is one, and TCP.
+
+A line keeps its address when it is stopped and started again, so ``stop`` is what pulling the plug does and
+``start`` plugs it in again.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import secrets
+import select
+import selectors
+import shutil
+import socket
+import tempfile
+import threading
+import tty
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal, Protocol
+
+from drivers.emulators.wire import WireFaults
+
+LOOPBACK = "127.0.0.1"
+WRITE_TIMEOUT_S = 1.0
+JOIN_TIMEOUT_S = 10.0
+CHUNK = 4096
+
+Transport = Literal["pty", "tcp"]
+
+
+class Session(Protocol):
+    """What one client talks to; called by one thread."""
+
+    def receive(self, data: bytes) -> Iterable[bytes]:
+        """Take what came, in pieces of any size, and give the answers, each one whole."""
+        ...
+
+
+class _Line:
+    """One thread that serves whoever is connected; subclasses open and close what it listens to."""
+
+    def __init__(self, open_session: Callable[[], Session], faults: WireFaults) -> None:
+        self._open_session = open_session
+        self._faults = faults
+        self._changing = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._selector = selectors.DefaultSelector()
+        self._wake = (-1, -1)
+
+    def start(self) -> None:
+        """Serve, at the address of the last time; does nothing when it does. Raises `OSError` when it is taken."""
+        with self._changing:
+            if self._thread is not None:
+                return
+            self._selector = selectors.DefaultSelector()
+            try:
+                self._listen()
+            except OSError:
+                self._selector.close()
+                raise
+            self._wake = os.pipe()
+            self._selector.register(self._wake[0], selectors.EVENT_READ)
+            self._thread = threading.Thread(target=self._serve, name=f"emulator at {self.address}", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Break all connections and join the thread; does nothing when stopped."""
+        with self._changing:
+            if self._thread is None:
+                return
+            os.write(self._wake[1], b"x")
+            self._thread.join(JOIN_TIMEOUT_S + self._faults.late_s)
+            self._thread = None
+            self._hang_up()
+            self._selector.close()
+            for end in self._wake:
+                os.close(end)
+
+    @property
+    def address(self) -> str:
+        """What a driver is given as its port."""
+        raise AttributeError("a line of no kind has no address")
+
+    def _listen(self) -> None:
+        """Open, and register a callable for whatever can be read."""
+
+    def _hang_up(self) -> None:
+        """Close everything that was opened."""
+
+    def _serve(self) -> None:
+        while True:
+            for key, _ in self._selector.select():
+                if key.data is None:
+                    return
+                key.data()
+
+    def _answer(self, fd: int, session: Session, data: bytes) -> None:
+        for answer in session.receive(data):
+            _write(fd, self._faults.outgoing(answer))
+
+
+class TcpLine(_Line):
+    """A TCP server on loopback, as a serial device server is one.
+
+    Parameters
+    ----------
+    open_session : callable
+        Makes the session of a client that connects.
+    faults : WireFaults
+        Strike every answer.
+    port : int
+        0 takes a free one, and keeps it.
+    clients : int
+        How many may be connected at once; one more is hung up on.
+    """
+
+    def __init__(
+        self, open_session: Callable[[], Session], faults: WireFaults, *, port: int = 0, clients: int = 1
+    ) -> None:
+        super().__init__(open_session, faults)
+        self._port = port
+        self._most = clients
+        self._server: socket.socket | None = None
+        self._clients: set[socket.socket] = set()
+
+    @property
+    def address(self) -> str:
+        """``tcp://127.0.0.1:PORT``; a port of 0 becomes a real one at `start`."""
+        return f"tcp://{LOOPBACK}:{self._port}"
+
+    def _listen(self) -> None:
+        server = socket.create_server((LOOPBACK, self._port))
+        server.setblocking(False)
+        self._port = server.getsockname()[1]
+        self._server = server
+        self._selector.register(server, selectors.EVENT_READ, lambda: self._accept(server))
+
+    def _accept(self, server: socket.socket) -> None:
+        try:
+            client, _ = server.accept()
+        except OSError:  # it left before it was let in
+            return
+        if len(self._clients) >= self._most:
+            client.close()
+            return
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._clients.add(client)
+        session = self._open_session()
+        self._selector.register(client, selectors.EVENT_READ, lambda: self._read(client, session))
+
+    def _read(self, client: socket.socket, session: Session) -> None:
+        try:
+            data = client.recv(CHUNK)
+            if data:
+                self._answer(client.fileno(), session, data)
+                return
+        except BlockingIOError:
+            return
+        except OSError:  # reset by the client: it is gone, as at the end of its stream
+            pass
+        self._selector.unregister(client)
+        self._clients.discard(client)
+        client.close()
+
+    def _hang_up(self) -> None:
+        for client in self._clients:
+            client.close()
+        self._clients.clear()
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+
+class PtyLine(_Line):
+    """A pseudo-terminal behind a link of constant name, as ``/dev/serial/by-id`` has them.
+
+    Parameters
+    ----------
+    open_session : callable
+        Makes the one session; clients that follow each other share it, as they share a device.
+    faults : WireFaults
+        Strike every answer.
+    """
+
+    def __init__(self, open_session: Callable[[], Session], faults: WireFaults) -> None:
+        super().__init__(open_session, faults)
+        self._link = Path(tempfile.gettempdir(), f"bscd-{os.getpid()}-{secrets.token_hex(4)}", "serial")
+        self._ends: tuple[int, ...] = ()
+
+    @property
+    def address(self) -> str:
+        """The link to the terminal's device."""
+        return str(self._link)
+
+    def _listen(self) -> None:
+        # our own hold on the client's end keeps the line up while no client has it open
+        master, slave = self._ends = pty.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self._link.parent.mkdir(mode=0o700)
+        self._link.symlink_to(os.ttyname(slave))
+        session = self._open_session()
+        self._selector.register(master, selectors.EVENT_READ, lambda: self._read(master, session))
+
+    def _read(self, master: int, session: Session) -> None:
+        try:
+            data = os.read(master, CHUNK)
+        except BlockingIOError:
+            return
+        self._answer(master, session, data)
+
+    def _hang_up(self) -> None:
+        for end in self._ends:
+            os.close(end)
+        self._ends = ()
+        shutil.rmtree(self._link.parent)
+
+
+Line = TcpLine | PtyLine
+
+
+def open_line(
+    transport: Transport, open_session: Callable[[], Session], faults: WireFaults, *, port: int = 0, clients: int = 1
+) -> Line:
+    """A line of the kind asked for; ``port`` and ``clients`` are TCP's."""
+    if transport == "pty":
+        return PtyLine(open_session, faults)
+    return TcpLine(open_session, faults, port=port, clients=clients)
+
+
+def _write(fd: int, data: bytes) -> None:
+    """Write all of it, or give up on a client that does not read."""
+    while data:
+        try:
+            data = data[os.write(fd, data) :]
+        except BlockingIOError:
+            if not select.select([], [fd], [], WRITE_TIMEOUT_S)[1]:
+                return

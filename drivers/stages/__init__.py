@@ -1,0 +1,1 @@
+"""Motorised stages on their makers' serial protocols."""
