@@ -227,6 +227,15 @@ class PressureReading:
     host_time_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class PressureReadings:
+    """Readings of a source that samples by itself, oldest first, and how many are missing among them."""
+
+    readings: tuple[PressureReading, ...]
+    lost: int
+    """Samples that were not taken in time, or that nobody fetched before they were overwritten."""
+
+
 @runtime_checkable
 class PressureSource(Protocol):
     """A pressure regulator with a transducer, gauge pressure."""
@@ -259,4 +268,21 @@ class PressureSource(Protocol):
 
     def vent(self) -> None:
         """Open to the room, from any thread and in any state. Raises `NotConnectedError` when it can not."""
+        ...
+
+
+@runtime_checkable
+class SampledPressureSource(PressureSource, Protocol):
+    """A pressure source that samples its transducer by itself, from `connect` to `close`."""
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """How many samples a second it takes."""
+        ...
+
+    def readings_since(self, host_time_ns: int) -> PressureReadings:
+        """The samples taken after ``host_time_ns``; ask with the last one's time to get each once.
+
+        Does not wait for the device. Raises `NotConnectedError`.
+        """
         ...

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from drivers.clock import Clock, HostClock
+from drivers.operator import Operator
 
 ENTRY_POINT_GROUP = "bscd.drivers"
 KINDS = ("camera", "axis", "pressure", "world")
@@ -28,6 +29,8 @@ class DriverContext:
     clock: Clock = field(default_factory=HostClock)
     world: Any = None
     """The digital twin's world for simulated devices, else None."""
+    operator: Operator | None = None
+    """Who answers what a driver asks a person; None where nobody can be asked."""
 
 
 @dataclass(frozen=True)

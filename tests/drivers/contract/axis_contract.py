@@ -74,7 +74,7 @@ class AxisContract:
         axis.close()
         axis.connect()
         assert not before.moving
-        assert axis.status() == before
+        assert repr(axis.status()) == repr(before)  # a NaN equals itself so
         axis.close()
 
     def test_needs_a_connection(self, axis: Axis, places):
@@ -104,7 +104,7 @@ class AxisContract:
             pytest.skip("this axis always knows where it is")
         with pytest.raises(NotHomedError):
             axis.move_to(places[0])
-        assert axis.status() == before
+        assert repr(axis.status()) == repr(before)
         axis.close()
 
     def test_homes(self, ready: Axis):
