@@ -9,16 +9,20 @@ from typing import Any, TypeVar
 from drivers.clock import HostClock
 from drivers.emulators.emulator import Emulator
 from drivers.emulators.ximc import XimcEmulator
+from drivers.emulators.zaber import ZaberEmulator
 from drivers.registry import DriverContext
 from drivers.simulated import RotationOptions, SimulatedAxis, TranslationOptions
 from drivers.stages.axis import StageAxis
 from drivers.stages.ximc.entries import AXIS as XIMC
+from drivers.stages.zaber.entries import AXIS as ZABER
 from tests.drivers.simulated.tiny_world import TinyWorld
 
 SPEED = 40.0
 ACCELERATION = 160.0
 HOMING_SPEED = 400.0
 STEPS_PER_UNIT = {"mm": 400.0, "deg": 100.0}
+MICROSTEPS_PER_UNIT = {"mm": 1.0 / 0.047625e-3, "deg": 768000.0 / 180.0}
+"""Of the X-LSM and the X-RSW series."""
 LIMITS = {"mm": (0.0, 100.0), "deg": (-180.0, 180.0)}
 
 
@@ -80,3 +84,25 @@ def ximc_options(unit: str, port: str, **options: Any) -> dict[str, Any]:
 
 def ximc_axis(unit: str, port: str, **options: Any) -> StageAxis:
     return XIMC.build(ximc_options(unit, port, **options), DriverContext("stage"))
+
+
+def zaber_emulator(*units: str, transport: Any, **options: Any) -> ZaberEmulator:
+    stages = [(simulated(unit, MICROSTEPS_PER_UNIT[unit], **options), MICROSTEPS_PER_UNIT[unit]) for unit in units]
+    return ZaberEmulator(stages, transport=transport)
+
+
+def zaber_options(unit: str, port: str, **options: Any) -> dict[str, Any]:
+    return {
+        "port": port,
+        "unit": unit,
+        "limits": LIMITS[unit],
+        "speed": SPEED,
+        "acceleration": ACCELERATION,
+        "microsteps_per_unit": MICROSTEPS_PER_UNIT[unit],
+        "homing_speed": HOMING_SPEED,
+        **options,
+    }
+
+
+def zaber_axis(unit: str, port: str, **options: Any) -> StageAxis:
+    return ZABER.build(zaber_options(unit, port, **options), DriverContext("stage"))

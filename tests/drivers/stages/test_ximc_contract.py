@@ -1,14 +1,13 @@
 """XIMC stages do what every axis must: a translation over TCP, a rotation over a serial port, and real ones."""
 
-import json
 import os
 
 import pytest
 
 from drivers.clock import HostClock
-from drivers.registry import DriverContext
 from drivers.stages.ximc.entries import AXIS
 from tests.drivers.contract.axis_contract import AxisContract
+from tests.drivers.stages.real import RealStage
 from tests.drivers.stages.rigs import serving, ximc_axis, ximc_emulator
 
 
@@ -43,25 +42,8 @@ class TestRotationOverSerial(OnAnEmulator):
         return (-3.0, 9.0, 8.0)
 
 
-@pytest.mark.skipif("BSCD_REAL_XIMC" not in os.environ, reason="BSCD_REAL_XIMC names no options of a real stage")
-class TestRealStage(AxisContract):
-    """BSCD_REAL_XIMC: a JSON file with the driver's "options" and three "places" that it may travel between."""
+if "BSCD_REAL_XIMC" in os.environ:
 
-    @pytest.fixture
-    def given(self):
-        with open(os.environ["BSCD_REAL_XIMC"]) as file:
-            return json.load(file)
-
-    @pytest.fixture
-    def clock(self):
-        return HostClock()
-
-    @pytest.fixture
-    def axis(self, given):
-        axis = AXIS.build(given["options"], DriverContext("stage"))
-        yield axis
-        axis.close()
-
-    @pytest.fixture
-    def places(self, given):
-        return tuple(given["places"])
+    class TestRealStage(RealStage):
+        file = os.environ["BSCD_REAL_XIMC"]
+        entry = AXIS
