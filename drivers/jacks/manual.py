@@ -22,9 +22,9 @@ from drivers.errors import (
     OutOfLimitsError,
 )
 from drivers.interfaces import AxisInfo, AxisStatus, Range
-from drivers.jacks.split import split_height
 from drivers.operator import Operator, Question, QuestionState
 from drivers.registry import DriverContext, DriverEntry
+from drivers.stacked import split_height
 
 
 def _ordered(interval: tuple[float, float]) -> tuple[float, float]:

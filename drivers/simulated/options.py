@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel, model_validator
 
 from drivers.interfaces import Range
-from drivers.jacks.split import split_height
 from drivers.simulated.carriage import CarriageSpec
+from drivers.stacked import split_height
 
 
 def _ordered(interval: tuple[float, float]) -> tuple[float, float]:

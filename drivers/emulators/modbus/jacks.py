@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Literal
 
+from drivers.clock import HostClock
+from drivers.emulators.lines import PtyLine, TcpLine
 from drivers.emulators.modbus.az_drive import AzDrive
-from drivers.emulators.modbus.rtu import RtuServer
-from drivers.emulators.modbus.tcp import TcpServer
+from drivers.emulators.modbus.sessions import RtuSession, TcpSession
 from drivers.emulators.wire import WireFaults
 from drivers.simulated.axis import SimulatedAxis
 
 STEPS_PER_MM = 100.0
+GATEWAY_CLIENTS = 1
 
 
 class ModbusJacksEmulator:
@@ -40,16 +42,16 @@ class ModbusJacksEmulator:
         self.drives = tuple(AzDrive(carriage, steps_per_mm) for carriage in axis.carriages)
         units = dict(enumerate(self.drives, start=1))
         self._transport = transport
-        self._server: TcpServer | RtuServer
+        self._line: TcpLine | PtyLine
         if transport == "tcp":
-            self._server = TcpServer(units, self.faults, port=port)
+            self._line = TcpLine(lambda: TcpSession(units), self.faults, port=port, clients=GATEWAY_CLIENTS)
         else:
-            self._server = RtuServer(units, self.faults)
+            self._line = PtyLine(lambda: RtuSession(units, HostClock()), self.faults)
 
     @property
     def address(self) -> str:
         """What the driver is given."""
-        return self._server.address
+        return self._line.address
 
     @property
     def summary(self) -> str:
@@ -57,20 +59,17 @@ class ModbusJacksEmulator:
         return f"lab jacks, AZ drives, Modbus {self._transport.upper()}, units 1 and 2"
 
     def start(self) -> None:
-        """Serve on loopback, or behind a pseudo terminal."""
-        self._server.start()
+        """Serve on loopback, or behind a pseudo terminal; after `stop` at the same address."""
+        self._line.start()
 
     def stop(self) -> None:
-        """Stop serving."""
-        self.faults.clear()
-        self._server.stop()
-
-    def unplug(self) -> None:
-        """Pull the cable at the host's end; the drives stay powered. `start` plugs it in again."""
-        self._server.unplug()
+        """Stop serving, as pulling the host's cable does; the drives stay powered."""
+        self._line.stop()
 
     def power_cycle(self) -> None:
         """Switch the drives (and a gateway) off and on; a serial line does not notice."""
         for drive in self.drives:
             drive.power_cycle()
-        self._server.drop()
+        if self._transport == "tcp":
+            self._line.stop()
+            self._line.start()

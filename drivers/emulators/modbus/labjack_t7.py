@@ -7,8 +7,9 @@ import threading
 from dataclasses import dataclass
 
 from drivers.clock import Clock, HostClock
+from drivers.emulators.lines import TcpLine
 from drivers.emulators.modbus.pdu import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
-from drivers.emulators.modbus.tcp import TcpServer
+from drivers.emulators.modbus.sessions import TcpSession
 from drivers.emulators.wire import WireFaults
 from drivers.simulated.pressure import SimulatedPressure
 
@@ -137,12 +138,13 @@ class LabJackT7Emulator:
         self.faults = WireFaults()
         self._source = source
         self._registers = LabJackT7Registers(source, wiring or Wiring(), clock or HostClock())
-        self._server = TcpServer({UNIT: self._registers}, self.faults, port=port, connections=CONNECTIONS)
+        units = {UNIT: self._registers}
+        self._line = TcpLine(lambda: TcpSession(units), self.faults, port=port, clients=CONNECTIONS)
 
     @property
     def address(self) -> str:
         """What the driver is given."""
-        return self._server.address
+        return self._line.address
 
     @property
     def summary(self) -> str:
@@ -152,22 +154,18 @@ class LabJackT7Emulator:
     def start(self) -> None:
         """Serve on loopback."""
         self._source.connect()
-        self._server.start()
+        self._line.start()
 
     def stop(self) -> None:
-        """Stop serving; the regulator keeps its set-point."""
-        self.faults.clear()
-        self._server.stop()
-
-    def unplug(self) -> None:
-        """Pull the network cable; `start` plugs it in again."""
-        self._server.stop()
+        """Stop serving, as pulling the network cable does; the regulator keeps its set-point."""
+        self._line.stop()
 
     def power_cycle(self) -> None:
         """Switch off and on: DAC0 falls to 0 V, which vents, and connections break."""
         self._registers.power_up()
         self._source.vent()
-        self._server.drop()
+        self._line.stop()
+        self._line.start()
 
 
 def _float_words(value: float) -> list[int]:

@@ -21,10 +21,10 @@ from drivers.jacks.modbus.drive import Drive, DriveState
 from drivers.jacks.modbus.options import ModbusJacksOptions
 from drivers.jacks.modbus.register_map import load_register_map
 from drivers.jacks.modbus.waiting import Arrival, Waiting
-from drivers.jacks.split import split_height
 from drivers.jacks.travel import travel_s
 from drivers.modbus import Line
 from drivers.registry import DriverContext
+from drivers.stacked import split_height
 
 Command = Callable[[str], None]
 FREE_IT = "free the jack, then move or home it again"
