@@ -28,8 +28,7 @@ def rest_noise(source: Source) -> tuple[RestNoise | None, str]:
     results = source.results
     reference = results.header.reference_frames
     numbers = results.frame_numbers()
-    # in the last frame before the ramp the pressure may have begun to rise already
-    at_rest = numbers[: count_at_rest(results.array("pressure_kpa")) - 1]
+    at_rest = numbers[: count_at_rest(results.array("pressure_kpa"))]
     others = at_rest[~np.isin(at_rest, reference)]
     if len(others) >= 2:
         taken, factor = others[:_MOST], 1.0

@@ -29,14 +29,14 @@ def test_any_measured_frame_has_the_noise_that_is_reported(tmp_path, rest, refer
 
 def test_it_says_which_frames_were_taken(tmp_path):
     noise, _ = floors(tmp_path, 12, 4)
-    assert noise.basis == "7 frames at rest that the reference is not made of"
+    assert noise.basis == "8 frames at rest that the reference is not made of"
     (tmp_path / "results.h5").unlink()
     noise, _ = floors(tmp_path, 4, 4)
     assert noise.basis.startswith("the 4 frames that the reference is made of")
     assert "multiplied by 1.29" in noise.basis
 
 
-def test_the_last_frame_before_the_ramp_is_left_out(tmp_path):
+def test_a_frame_in_which_the_ramp_has_begun_is_left_out(tmp_path):
     """Within the tolerance of rest the membrane may have begun to rise."""
     pressures = [*[REST_KPA] * 7, REST_KPA + 0.025, 0.5]
     with write_rest(tmp_path / "results.h5", pressures, 4) as results:
