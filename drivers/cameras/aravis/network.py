@@ -65,8 +65,10 @@ def enlarge_receive_buffer(port: int, wanted_bytes: int, device: str) -> None:
     """
     for entry in os.listdir("/proc/self/fd"):
         try:
+            if not os.readlink(f"/proc/self/fd/{entry}").startswith("socket:"):
+                continue
             twin = socket.socket(fileno=os.dup(int(entry)))
-        except OSError:  # no socket, or closed meanwhile
+        except OSError:  # closed meanwhile
             continue
         with twin:
             if twin.type != socket.SOCK_DGRAM or twin.family != socket.AF_INET or twin.getsockname()[1] != port:

@@ -11,7 +11,7 @@ from typing import Protocol
 
 SETTINGS = {
     "mov": struct.Struct("<IBHHIBB9x"),
-    "eng": struct.Struct("<HHIBHhBH12x"),
+    "eng": struct.Struct("<HHIBHhBHH10x"),
     "ent": struct.Struct("<BB6x"),
     "eds": struct.Struct("<BBihih6x"),
     "hom": struct.Struct("<IBIBihH9x"),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 READS = {
     "gets": "<BBBBBihqihhhhhhIIB4x",
     "gmov": "<IBHHIBB9x",
-    "geng": "<HHIBHhBH12x",
+    "geng": "<HHIBHhBHH10x",
     "geti": "<4s2s8sBBH12x",
     "gser": "<I",
     "gfwv": "<BBH",
@@ -21,13 +21,15 @@ READS = {
 }
 """Code -> layout of the answer's values."""
 WRITES = {
-    "smov": "<IBHHIBB9x",
-    "seng": "<HHIBHhBH12x",
-    "shom": "<IBIBihH9x",
-    "spos": "<ihqB5x",
-    "move": "<ih6x",
+    "smov": ("<IBHHIBB", 9),
+    "seng": ("<HHIBHhBHH", 10),
+    "shom": ("<IBIBihH", 9),
+    "spos": ("<ihqB", 5),
+    "move": ("<ih", 6),
 }
-"""Code -> layout of the message's values."""
+"""Code -> layout of the message's values, and how many reserved bytes follow."""
+RESERVED = b"\xcc"
+"""Any byte would do; this one makes our messages those of the maker's own library."""
 PLAIN = ("home", "zero", "stop", "sstp")
 CODE_LENGTH = 4
 CRC_LENGTH = 2
@@ -132,6 +134,7 @@ class Engine(NamedTuple):
     antiplay: int
     microstep_mode: int
     steps_per_turn: int
+    peak_current: int
 
 
 class Motion(NamedTuple):
@@ -160,7 +163,8 @@ def encode(code: str, values: tuple[int, ...] = ()) -> bytes:
     """The bytes of a message to the controller."""
     if code not in WRITES:
         return code.encode()
-    payload = struct.pack(WRITES[code], *values)
+    layout, reserved = WRITES[code]
+    payload = struct.pack(layout, *values) + RESERVED * reserved
     return code.encode() + payload + struct.pack("<H", crc16(payload))
 
 

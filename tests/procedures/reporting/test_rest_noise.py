@@ -15,7 +15,7 @@ def floors(tmp_path, rest, reference):
         return rest_noise(SimpleNamespace(results=results))
 
 
-@pytest.mark.parametrize(("rest", "reference", "frames"), [(12, 4, 7), (4, 4, 4)])
+@pytest.mark.parametrize(("rest", "reference", "frames"), [(12, 4, 8), (4, 4, 4)])
 def test_any_measured_frame_has_the_noise_that_is_reported(tmp_path, rest, reference, frames):
     """Its own and the reference's: s sqrt(1 + 1/n), whichever frames were at hand."""
     noise, why = floors(tmp_path, rest, reference)
