@@ -62,6 +62,8 @@ class CameraInfo:
     bit_depth: int
     exposure_limits_s: Range
     gain_limits_db: Range
+    firmware: str = ""
+    """As the device tells; empty when it does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,8 @@ class AxisInfo:
     speed: float
     """Top speed, unit/s."""
     can_home: bool
+    firmware: str = ""
+    """As the device tells; empty when it does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +221,8 @@ class PressureInfo:
     """One sigma of a reading."""
     can_set: bool
     """False for a transducer without a regulator."""
+    firmware: str = ""
+    """As the device tells; empty when it does not."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from pydantic import BaseModel, RootModel
 
 from bscd.config.model import DeviceConfig, RigConfig
+from drivers.interfaces import Range
 
 _SIMULATED = {
     "primary": ("camera", "primary"),
@@ -17,6 +19,8 @@ _SIMULATED = {
     "pressure": ("", ""),
 }
 
+_UNITS = {"rotation": "deg", "translation": "mm"}
+
 
 def disagreements(config: RigConfig) -> list[str]:
     """One sentence for everything in a configuration that does not fit the rest of it."""
@@ -24,7 +28,7 @@ def disagreements(config: RigConfig) -> list[str]:
 
 
 def _wrong_parts(config: RigConfig) -> Iterator[str]:
-    """Simulated devices without a world to see, or that are another part of it than their name says."""
+    """Devices of another kind than their name says, and simulated ones without a world to see."""
     blind = []
     for name, (option, part) in _SIMULATED.items():
         device: DeviceConfig | None = getattr(config.devices, name)
@@ -34,6 +38,11 @@ def _wrong_parts(config: RigConfig) -> Iterator[str]:
         given = getattr(_options(device), option, part)
         if given != part:
             yield f"[devices.{name}] {option} = {given!r}: must be {part!r} here"
+    for name, unit in _UNITS.items():
+        device = getattr(config.devices, name)
+        given = getattr(_options(device), "unit", unit)
+        if given != unit:
+            yield f"[devices.{name}] unit = {given!r}: must be {unit!r} here"
     if blind and config.twin is None:
         yield f"[devices.{blind[0]}] is simulated, but there is no [twin] section for it to see; add one"
 
@@ -73,11 +82,16 @@ def _limits(device: DeviceConfig | None, unit: str) -> tuple[float, float] | Non
     options = _options(device)
     parts = {"s": ("exposure_limits_s",), "db": ("gain_limits_db",)}.get(unit, (f"limits_{unit}",))
     stacked = ("lower_limits_mm", "upper_limits_mm")
-    for names in (parts, stacked) if unit == "mm" else (parts,):
+    own = ("limits",) if getattr(options, "unit", None) == unit else parts
+    for names in (own, stacked) if unit == "mm" else (own,):
         if all(hasattr(options, name) for name in names):
-            ranges = [getattr(options, name) for name in names]
+            ranges = [_ends(getattr(options, name)) for name in names]
             return sum(low for low, _ in ranges), sum(high for _, high in ranges)
     return None
+
+
+def _ends(interval: Any) -> tuple[float, float]:
+    return (interval.low, interval.high) if isinstance(interval, Range) else interval
 
 
 def _options(device: DeviceConfig | None) -> BaseModel | None:

@@ -42,6 +42,11 @@ class SimulatedPressure:
         self._since_s = context.clock.now_s()
         world_of(context).bind("pressure_kpa", self.true_pressure_kpa)
 
+    @property
+    def limits_kpa(self) -> Range:
+        """Range of its set-points, gauge."""
+        return self._limits_kpa
+
     def connect(self) -> None:
         """Open the connection; changes no pressure."""
         self._link.open()
