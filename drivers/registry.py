@@ -6,7 +6,7 @@ An entry point's name is the driver's name (``kind.maker``, for example ``camera
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from typing import Any
@@ -42,6 +42,9 @@ class DriverEntry:
     options: type[BaseModel]
     factory: Callable[[Any, DriverContext], Any]
     summary: str = ""
+    find: Callable[[], Sequence[str]] | None = None
+    """Devices of this kind that can be seen now, a line each (what to configure it by, what it is). Raises
+    `drivers.errors.DeviceError` where it can not look."""
 
     def build(self, options: Mapping[str, Any], context: DriverContext) -> Any:
         """The driver with these options; raises `pydantic.ValidationError` for ones that are wrong."""

@@ -70,7 +70,7 @@ BAD = [
     ('solver = "projection"', 'solver = "best"', "calibration.solver = 'best': must be 'projection' or 'smallest'"),
     ("step_px = 10", "colour = 10", "dic.colour: unknown key; allowed: subset_px, search_px, step_px"),
     ('quantity = "jack"\n', "", "[devices.jacks] quantity: is missing; must be one of 'rotation'"),
-    ('driver = "camera.simulated"\n', "", "[devices.primary] driver: is missing; known: camera.simulated"),
+    ('driver = "camera.simulated"\n', "", "[devices.primary] driver: is missing; known: camera."),
     (
         'quantity = "translation"',
         'quantity = "translation"\nlimits_deg = [0, 90]',

@@ -35,6 +35,21 @@ def open_camera(options: AravisOptions, device: str, clock: Clock, *, patience_s
         clock.sleep(_BUSY_PAUSE_S)
 
 
+def list_cameras() -> list[str]:
+    """Every camera that answers now, a line each. Raises `NotConnectedError` where Aravis is missing."""
+    aravis = aravis_for("camera.aravis")
+    with _searching, library_errors("camera.aravis", "looking for cameras"):
+        aravis.update_device_list()
+        lines = []
+        for index in range(aravis.get_n_devices()):
+            told = (aravis.get_device_vendor(index), aravis.get_device_model(index))
+            lines.append(
+                f'serial = "{aravis.get_device_serial_nbr(index)}", {aravis.get_device_protocol(index)} '
+                f"at {aravis.get_device_address(index)}: {' '.join(part for part in told if part)}"
+            )
+        return lines
+
+
 def _device_id(aravis: Any, options: AravisOptions, device: str) -> str:
     with _searching:
         aravis.update_device_list()
