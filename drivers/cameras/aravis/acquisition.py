@@ -50,6 +50,8 @@ class Acquisition:
             enlarge_receive_buffer(stream.get_port(), options.socket_buffer_bytes, device)
             resend = aravis.GvStreamPacketResend
             stream.set_property("packet-resend", resend.ALWAYS if options.packet_resend else resend.NEVER)
+        region = camera.get_region()
+        self._size = int(region.width), int(region.height)
         payload_bytes = camera.get_payload()
         for _ in range(buffers):
             stream.push_buffer(aravis.Buffer.new_allocate(payload_bytes))
@@ -95,12 +97,11 @@ class Acquisition:
         whole = buffer.get_status() == self._aravis.BufferStatus.SUCCESS
         if not whole and not self._parts_too:
             return Arrival(raw_id, time_ns, None)
-        width_px, height_px = buffer.get_image_width(), buffer.get_image_height()
         data = buffer.get_data()
-        wanted = frame_bytes(self._format, width_px, height_px)
-        if whole and len(data) >= wanted > 0:
-            return Arrival(raw_id, time_ns, unpack(data[:wanted], self._format, width_px, height_px))
-        if self._parts_too and wanted > 0:
+        wanted = frame_bytes(self._format, *self._size)
+        if whole and len(data) >= wanted:
+            return Arrival(raw_id, time_ns, unpack(data[:wanted], self._format, *self._size))
+        if self._parts_too:
             data = data[:wanted].ljust(wanted, b"\0")
-            return Arrival(raw_id, time_ns, None, unpack(data, self._format, width_px, height_px))
+            return Arrival(raw_id, time_ns, None, unpack(data, self._format, *self._size))
         return Arrival(raw_id, time_ns, None)
