@@ -21,7 +21,7 @@ from pymodbus.pdu.diag_message import ReturnQueryDataResponse
 from pymodbus.pdu.register_message import ReadHoldingRegistersResponse, WriteMultipleRegistersResponse
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeoutError, NotConnectedError, ProtocolError
+from drivers.errors import DeviceBusyError, DeviceError, DeviceTimeoutError, NotConnectedError, ProtocolError
 from drivers.modbus.answers import refusal
 from drivers.modbus.port import Client, SerialSettings, is_tcp, open_client
 
@@ -71,6 +71,7 @@ class Line:
         self._lost = False
         self._client: Client | None = None
         self._received = False
+        self._fresh = False
         self._free_at_s = -float("inf")
         self._doubtful: set[int] = set()
         self._tokens = count(0x5A01)
@@ -151,7 +152,7 @@ class Line:
 
     def _reopen(self) -> None:
         client = open_client(self._device, self._address, self._settings, self._timeout_s, self._trace)
-        self._client = client
+        self._client, self._fresh = client, True
         try:
             if self._greet is not None:
                 self._greet()
@@ -182,8 +183,16 @@ class Line:
             self._clock.sleep(self._free_at_s - self._clock.now_s())
         self._received = False
         try:
-            return send()
+            answer = send()
+            self._fresh = False
+            return answer
         except (ConnectionException, OSError) as error:
+            if self._fresh and is_tcp(self._address):
+                self._drop()
+                words = f"{doing}: {self._address} hung up at once"
+                raise DeviceBusyError(
+                    self._device, words, "end the other program that holds its connections"
+                ) from error
             self._lose()
             words = f"{doing}: the line to {self._address} broke"
             raise NotConnectedError(self._device, words, "check its power and its cable") from error

@@ -51,7 +51,10 @@ class ModbusJacks:
         self._target: float | None = None
 
     def connect(self) -> None:
-        """Open the line and hear both drives; moves nothing. Raises `NotConnectedError` naming all that are silent."""
+        """Open the line and hear both drives; moves nothing.
+
+        Raises `NotConnectedError`, naming all that are silent, or `DeviceBusyError`.
+        """
         with self._connecting:
             if self._line.is_open:
                 return
@@ -64,6 +67,8 @@ class ModbusJacks:
                     silent.append(error)
             if silent:
                 self._line.close()
+                if isinstance(silent[0], DeviceBusyError):
+                    raise silent[0]
                 reasons = "; ".join(error.doing for error in silent)
                 raise NotConnectedError(self.name, reasons, silent[0].hint) from silent[0]
             self._target = None
@@ -151,11 +156,8 @@ class ModbusJacks:
         with self._commanding:
             self._stopped.set()
             self._halt("stopping")
-        if self._one_at_a_time.acquire(blocking=False):  # nobody waits for the end of a move who would release
-            try:
+            if not self._one_at_a_time.locked():  # else the call that moves releases them at rest
                 self._release("stopping")
-            finally:
-                self._one_at_a_time.release()
 
     @contextmanager
     def _one_move(self, doing: str) -> Iterator[list[DriveState]]:
