@@ -97,14 +97,15 @@ def encode(address: int, axis: int, message_id: int, command: str) -> bytes:
 
 def decode(line: bytes, *, unchecked: bool = False) -> Reply | None:
     """A line as a reply; None when it is something else, garbled, or without check digits that were not given up."""
-    text = line.decode("latin-1").strip("\r\n")
-    body, colon, digits = text[1:].rpartition(":")
+    # before the last @ there may be what is left of a reply that was cut off
+    _, start, text = line.decode("latin-1").rstrip("\r").rpartition("@")
+    body, colon, digits = text.rpartition(":")
     if not colon and unchecked:
-        body = text[1:]
+        body = text
     elif not colon or digits != check_digits(body):
         return None
     match = _REPLY.fullmatch(body)
-    if not match or not text.startswith("@"):
+    if not match or not start:
         return None
     address, axis, message_id, accepted, busy, flag, data = match.groups()
     return Reply(int(address), int(axis), int(message_id), accepted == "OK", busy == "BUSY", flag, data)

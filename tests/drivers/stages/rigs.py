@@ -17,7 +17,7 @@ from drivers.stages.ximc.entries import AXIS as XIMC
 from drivers.stages.zaber.entries import AXIS as ZABER
 from tests.drivers.simulated.tiny_world import TinyWorld
 
-SPEED = 40.0
+SPEED = 20.0
 ACCELERATION = 160.0
 HOMING_SPEED = 400.0
 STEPS_PER_UNIT = {"mm": 400.0, "deg": 100.0}
