@@ -45,6 +45,7 @@ class _Line:
         self._open_session = open_session
         self._faults = faults
         self._changing = threading.Lock()
+        self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._selector = selectors.DefaultSelector()
         self._wake = (-1, -1)
@@ -61,6 +62,7 @@ class _Line:
                 self._selector.close()
                 raise
             self._wake = os.pipe()
+            self._stopping.clear()
             self._selector.register(self._wake[0], selectors.EVENT_READ)
             self._thread = threading.Thread(target=self._serve, name=f"emulator at {self.address}", daemon=True)
             self._thread.start()
@@ -70,6 +72,7 @@ class _Line:
         with self._changing:
             if self._thread is None:
                 return
+            self._stopping.set()
             os.write(self._wake[1], b"x")
             self._thread.join(JOIN_TIMEOUT_S + self._faults.late_s)
             self._thread = None
@@ -98,7 +101,19 @@ class _Line:
 
     def _answer(self, fd: int, session: Session, data: bytes) -> None:
         for answer in session.receive(data):
-            _write(fd, self._faults.outgoing(answer))
+            if self._stopping.is_set() or not self._write(fd, self._faults.outgoing(answer)):
+                return
+
+    def _write(self, fd: int, data: bytes) -> bool:
+        """Write all of it; False when the line is stopped, or its client does not read."""
+        while data:
+            try:
+                data = data[os.write(fd, data) :]
+            except BlockingIOError:
+                stopped, ready, _ = select.select([self._wake[0]], [fd], [], WRITE_TIMEOUT_S)
+                if stopped or not ready:
+                    return False
+        return True
 
 
 class TcpLine(_Line):
@@ -229,13 +244,3 @@ def open_line(
     if transport == "pty":
         return PtyLine(open_session, faults)
     return TcpLine(open_session, faults, port=port, clients=clients)
-
-
-def _write(fd: int, data: bytes) -> None:
-    """Write all of it, or give up on a client that does not read."""
-    while data:
-        try:
-            data = data[os.write(fd, data) :]
-        except BlockingIOError:
-            if not select.select([], [fd], [], WRITE_TIMEOUT_S)[1]:
-                return
