@@ -63,4 +63,4 @@ class ReadingRing:
         if host_time_ns >= time_ns:
             return place + 1
         spacing_ns = (oldest[1].host_time_ns - time_ns) / (oldest[0] - place)
-        return max(0, place - int((time_ns - host_time_ns) / spacing_ns))
+        return max(0, place + 1 - max(1, round((time_ns - host_time_ns) / spacing_ns)))
