@@ -164,7 +164,8 @@ class StageAxis:
                     raise NotHomedError(self.name, f"{doing}: it was switched off in between", "home it first")
                 self._target = position
                 self._set_off(doing, lambda: self._controller.begin_move(goal))
-            self._finish(doing, goal, self._options.timeout_factor * self._duration_s(state, goal))
+            duration_s = self._duration_s(state, goal) + self._controller.longest_approach_s
+            self._finish(doing, goal, self._options.timeout_factor * duration_s)
 
     def stop(self) -> None:
         """Begin to decelerate, at once; does nothing without a connection."""

@@ -38,6 +38,8 @@ class StageController(Protocol):
     """Counts per mm or deg of the axis, negative for one that is reversed."""
     longest_homing_s: float
     """Seconds that a homing may take."""
+    longest_approach_s: float
+    """Seconds that a move may take beyond its distance, for the care of backlash."""
 
     def open(self) -> Identity:
         """Open the line, give the device its settings, and tell who it is; moves nothing."""

@@ -33,6 +33,7 @@ class XimcController:
         self._sense = -1 if options.reversed else 1
         self.microsteps_per_unit = self._sense * options.steps_per_unit * options.microsteps
         self.longest_homing_s = _longest_homing_s(options)
+        self.longest_approach_s = 2.0 * abs(options.backlash) / (options.backlash_speed or options.speed / 2.0)
         self._dialogue = Dialogue(
             lambda: open_line(options.port, baud=BAUD, stop_bits=STOP_BITS, timeout_s=options.answer_timeout_s),
             options.answer_timeout_s,
@@ -119,6 +120,9 @@ class XimcController:
     def _configure_engine(self) -> bool:
         options = self._options
         found = Engine(*(int(value) for value in self._dialogue.ask("geng")))
+        if found.flags & EngineFlag.LIMIT_SPEED and options.speed * options.steps_per_unit > found.speed:
+            most = f"{found.speed / options.steps_per_unit:g} {options.unit}/s"
+            raise RefusedError(f"the motor's nominal speed, {most}, is less than the speed of the options")
         antiplay = self._sense * round(options.backlash * options.steps_per_unit)
         flags = found.flags | EngineFlag.ANTIPLAY if antiplay else found.flags & ~EngineFlag.ANTIPLAY
         wanted = found._replace(

@@ -68,6 +68,7 @@ class EngineFlag(IntFlag):
     """``EngineFlags`` of the motor's settings."""
 
     ANTIPLAY = 0x8
+    LIMIT_SPEED = 0x80
 
 
 class HomeFlag(IntFlag):

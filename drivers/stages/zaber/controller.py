@@ -30,6 +30,7 @@ class ZaberController:
         self.microsteps_per_unit = self._sense * options.microsteps_per_unit
         low, high = options.limits
         self.longest_homing_s = (high - low) / options.homing_speed + 2.0 * options.homing_speed / options.acceleration
+        self.longest_approach_s = 0.0
         self._offset = round(options.home_position * self.microsteps_per_unit)
         self._joined = threading.Lock()
         self._dialogue: Dialogue | None = None
