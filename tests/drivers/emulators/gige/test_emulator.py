@@ -11,6 +11,7 @@ from drivers.emulators.gige import GigeEmulator, loopback, serve_cameras
 from drivers.twin.options import TwinOptions
 from drivers.twin.world import World
 from tests.drivers.gige_rig import require_aravis, serving, simulated, small_world
+from tests.drivers.own_network import one_at_a_time
 
 
 @pytest.fixture(scope="module")
@@ -66,15 +67,16 @@ def test_arv_camera_test_streams_from_it():
 @pytest.mark.own_network
 def test_two_cameras_are_served_at_addresses_of_their_own(world):
     require_aravis()
-    served = serve_cameras([simulated(world, "primary"), simulated(world, "auxiliary")])
-    try:
-        if served.missing:
-            pytest.skip(served.missing[0])
-        assert [emulator.address for emulator in served.emulators] == ["127.0.0.1", "127.0.0.2"]
-        seen = tool("arv-tool-0.8")
-        assert "twin-primary (127.0.0.1)" in seen and "twin-auxiliary (127.0.0.2)" in seen
-    finally:
-        served.stop()
+    with one_at_a_time():
+        served = serve_cameras([simulated(world, "primary"), simulated(world, "auxiliary")])
+        try:
+            if served.missing:
+                pytest.skip(served.missing[0])
+            assert [emulator.address for emulator in served.emulators] == ["127.0.0.1", "127.0.0.2"]
+            seen = tool("arv-tool-0.8")
+            assert "twin-primary (127.0.0.1)" in seen and "twin-auxiliary (127.0.0.2)" in seen
+        finally:
+            served.stop()
     # the address that it added is gone again
     assert loopback.add_address("127.0.0.2")
     loopback.remove_address("127.0.0.2")
@@ -90,8 +92,9 @@ def test_without_the_right_to_add_an_address_one_camera_is_served_and_the_comman
         raise OSError(f"lo has no address {address}; run: ip addr add {address}/8 dev lo")
 
     monkeypatch.setattr("drivers.emulators.gige.emulator.add_address", refuse)
-    served = serve_cameras([simulated(world, "primary"), simulated(world, "auxiliary")])
-    served.stop()
+    with one_at_a_time():
+        served = serve_cameras([simulated(world, "primary"), simulated(world, "auxiliary")])
+        served.stop()
     assert [emulator.address for emulator in served.emulators] == ["127.0.0.1"]
     assert served.missing == (
         "the auxiliary camera is not served: lo has no address 127.0.0.2; run: ip addr add 127.0.0.2/8 dev lo",
