@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -16,6 +16,16 @@ from tests.drivers.simulated.tiny_world import TinyWorld
 TRANSPORTS = ("tcp", "rtu")
 SPEED_MM_S, ACCELERATION_MM_S2 = 30.0, 300.0
 ANSWER_TIMEOUT_S = 0.2
+FAST_MM_S = 60.0
+SPARE_S = 0.5
+"""For a loaded host."""
+CALLS: dict[str, Callable[[ModbusJacks], object]] = {
+    "status": lambda jacks: jacks.status(),
+    "home": lambda jacks: jacks.home(),
+    "move_to": lambda jacks: jacks.move_to(30.0),
+    "move_duration_s": lambda jacks: jacks.move_duration_s(30.0),
+    "stop": lambda jacks: jacks.stop(),
+}
 
 
 @dataclass
@@ -34,11 +44,11 @@ class JackRig:
         return self.driver
 
 
-def options(address: str, **changes) -> ModbusJacksOptions:
+def options(address: str, *, speed_mm_s: float = SPEED_MM_S, **changes) -> ModbusJacksOptions:
     settings = {
         "address": address,
         "serial": {"parity": "none"},
-        "speed_mm_s": SPEED_MM_S,
+        "speed_mm_s": speed_mm_s,
         "acceleration_mm_s2": ACCELERATION_MM_S2,
         "homing_speed_mm_s": SPEED_MM_S,
         "answer_timeout_s": ANSWER_TIMEOUT_S,
@@ -49,11 +59,11 @@ def options(address: str, **changes) -> ModbusJacksOptions:
 
 
 @contextmanager
-def jack_rig(transport: str, *, start_mm: float = 4.0, **changes) -> Iterator[JackRig]:
+def jack_rig(transport: str, *, start_mm: float = 4.0, speed_mm_s: float = SPEED_MM_S, **changes) -> Iterator[JackRig]:
     clock = HostClock()
     world = TinyWorld(clock)
     mechanics = JackOptions(
-        speed_mm_s=SPEED_MM_S,
+        speed_mm_s=speed_mm_s,
         acceleration_mm_s2=ACCELERATION_MM_S2,
         homing_speed_mm_s=60.0,
         start_mm=start_mm,
@@ -62,10 +72,15 @@ def jack_rig(transport: str, *, start_mm: float = 4.0, **changes) -> Iterator[Ja
     simulated = SimulatedAxis(mechanics, DriverContext("simulated jack", clock, world))
     emulator = ModbusJacksEmulator(simulated, transport=transport)
     emulator.start()
-    driver = ModbusJacks(options(emulator.address, **changes), DriverContext("jack", clock))
+    driver = ModbusJacks(options(emulator.address, speed_mm_s=speed_mm_s, **changes), DriverContext("jack", clock))
     try:
         yield JackRig(driver, emulator, simulated, world)
     finally:
         emulator.faults.clear()
         driver.close()
         emulator.stop()
+
+
+def stands_at(jacks: ModbusJacks, truth_mm: float) -> bool:
+    """Whether the driver tells where the jacks truly are, to a step."""
+    return abs(jacks.status().position - truth_mm) <= 0.011

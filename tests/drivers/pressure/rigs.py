@@ -16,7 +16,7 @@ from drivers.registry import DriverContext
 from drivers.simulated import SimulatedPressure, SimulatedPressureOptions
 from tests.drivers.simulated.tiny_world import TinyWorld
 
-ANSWER_TIMEOUT_S = 0.3
+ANSWER_TIMEOUT_S = 0.2
 LAG_S = 0.03
 TRANSDUCER = {
     "serial": "PT-1",

@@ -26,12 +26,12 @@ from drivers.registry import DriverContext
 from tests.drivers.contract.outcome import all_at_once
 from tests.drivers.pressure.rigs import ANSWER_TIMEOUT_S, LAG_S, REGULATOR, pressure_rig, settings
 
-LATE_S = 0.45
+LATE_S = 0.3
 SPARE_S = 0.6
 PATIENCE_S = 5.0
 ON_THE_WIRE = [
-    (WireFault.SILENCE, DeviceTimeoutError, "no answer within 0.3 s"),
-    (WireFault.LATE, DeviceTimeoutError, "no answer within 0.3 s"),
+    (WireFault.SILENCE, DeviceTimeoutError, "no answer within 0.2 s"),
+    (WireFault.LATE, DeviceTimeoutError, "no answer within 0.2 s"),
     (WireFault.GARBLED, (ProtocolError, DeviceTimeoutError), "garbled or cut short|no answer"),
     (WireFault.PARTIAL, (ProtocolError, DeviceTimeoutError), "garbled or cut short|no answer"),
 ]
@@ -181,7 +181,7 @@ def test_samples_that_could_not_be_taken_are_counted(rig):
     rig.emulator.faults.inject(WireFault.SILENCE, count=1)
     fetched = wait_for(lambda: later(rig.driver, last_ns, 0.9))
     span_s = (fetched.readings[-1].host_time_ns - last_ns) * 1e-9
-    assert fetched.lost >= 30  # the time-out of 0.3 s, and the pause before the next attempt
+    assert fetched.lost >= 20  # the time-out of 0.2 s, and the pause before the next attempt
     assert len(fetched.readings) + fetched.lost == pytest.approx(span_s * rig.driver.sample_rate_hz, abs=3)
 
 
