@@ -29,6 +29,7 @@ ECHO_ATTEMPTS = 3
 READ, ECHO, WRITE, REFUSED = 3, 8, 16, 0x80
 WAITING_TIMEOUTS = 20.0
 _LOG = logging.getLogger(__name__)
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it logs is raised here, as errors of ours
 
 
 class Line:

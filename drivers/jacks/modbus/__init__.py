@@ -2,12 +2,12 @@
 
 from drivers.jacks.modbus.axis import ModbusJacks
 from drivers.jacks.modbus.entry import AXIS
-from drivers.jacks.modbus.options import JackOptions, ModbusJacksOptions
+from drivers.jacks.modbus.options import ModbusJackOptions, ModbusJacksOptions
 from drivers.jacks.modbus.register_map import RegisterMap, load_register_map, shipped_maps
 
 __all__ = [
     "AXIS",
-    "JackOptions",
+    "ModbusJackOptions",
     "ModbusJacks",
     "ModbusJacksOptions",
     "RegisterMap",

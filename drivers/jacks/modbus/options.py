@@ -28,7 +28,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Interval = Annotated[tuple[Finite, Finite], AfterValidator(_ordered)]
 
 
-class JackOptions(BaseModel):
+class ModbusJackOptions(BaseModel):
     """One of the two jacks."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -69,8 +69,10 @@ class ModbusJacksOptions(BaseModel):
     register_map: Annotated[str, AfterValidator(_can_be_loaded)] = Field(
         default="oriental-az", description="name of a shipped register map, or the path of a .toml file"
     )
-    lower: JackOptions = Field(default=JackOptions(unit=1), description="the lower jack")
-    upper: JackOptions = Field(default=JackOptions(unit=2), description="the upper jack, on top of the lower one")
+    lower: ModbusJackOptions = Field(default=ModbusJackOptions(unit=1), description="the lower jack")
+    upper: ModbusJackOptions = Field(
+        default=ModbusJackOptions(unit=2), description="the upper jack, on top of the lower one"
+    )
     lower_share: float = Field(
         default=0.5,
         ge=0.0,
@@ -99,7 +101,7 @@ class ModbusJacksOptions(BaseModel):
         return self
 
     @property
-    def jacks(self) -> tuple[JackOptions, JackOptions]:
+    def jacks(self) -> tuple[ModbusJackOptions, ModbusJackOptions]:
         """The lower jack, then the upper one."""
         return self.lower, self.upper
 
