@@ -52,7 +52,7 @@ class Rig:
 @contextmanager
 def rig(maker: str, transport: Any, *, absolute: bool = False, **options: Any) -> Iterator[Rig]:
     """A stage, connected and homed: at 0, or at 0.5 mm when it is ``absolute`` and needs no homing."""
-    options = {"answer_timeout_s": ANSWER_TIMEOUT_S, "timeout_margin_s": 1.0, **options}
+    options = {"answer_timeout_s": ANSWER_TIMEOUT_S, "timeout_margin_s": 0.5, **options}
     if maker == "ximc":
         stage = simulated("mm", STEPS_PER_UNIT["mm"] * 256, homed_at_start=absolute)
         emulator, build = XimcEmulator(stage, "mm", transport=transport), ximc_axis

@@ -135,7 +135,7 @@ def test_a_fault_on_the_way(one, fault):
     while motor.state().remaining_s:
         HostClock().sleep(0.02)
     assert true(one)
-    one.axis.move_to(0.0)
+    one.axis.move_to(one.truth() - 0.3)
     assert true(one)
 
 
@@ -164,7 +164,7 @@ def test_unplugged_on_the_way(here):
     while here.axis.status().moving:
         HostClock().sleep(0.02)
     assert true(here)
-    here.axis.move_to(0.0)
+    here.axis.move_to(here.truth() - 0.3)
 
 
 def test_a_power_cycle_at_rest(here):
@@ -263,7 +263,7 @@ def test_a_fault_of_the_stage(one, fault, error, words):
     assert not status.moving
     assert status.position == pytest.approx(one.truth(), abs=RESOLUTION)
     assert bool(status.fault) == (error is DeviceFaultError)
-    one.axis.move_to(0.5)
+    one.axis.move_to(one.truth() - 0.3)
     assert true(one)
     assert one.axis.status().fault == ""
 
