@@ -139,6 +139,12 @@ class Line:
             self._lock.release()
 
     @contextmanager
+    def alone(self, unit: int, doing: str) -> Iterator[None]:
+        """Hold the line, open and with nothing old on it, so that what is timed here is the exchange and no wait."""
+        with self._ready(unit, doing):
+            yield
+
+    @contextmanager
     def _ready(self, unit: int, doing: str) -> Iterator[Client]:
         """The open client, with no answer of this unit still to come."""
         with self._held(doing):

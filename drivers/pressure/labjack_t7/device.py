@@ -34,25 +34,32 @@ class LabJackT7:
     options : InputOptions
         Where it is, and how its analog input is set up; done again whenever the connection has been made.
     clock : Clock
-        Paces the line.
+        The frames' clock.
     """
 
     def __init__(self, device: str, options: InputOptions, clock: Clock) -> None:
         self._device = device
         self._options = options
+        self._clock = clock
         self.serial = ""
         self.line = Line(
             device, options.address, SerialSettings(), options.answer_timeout_s, clock, greet=self._recognise
         )
 
-    def volts(self, doing: str) -> float:
-        """The transducer's output, V. Raises `ProtocolError` for what no input can read."""
-        volts = self._read_float(AIN + 2 * self._options.channel, doing)
+    def volts(self, doing: str) -> tuple[float, float]:
+        """The transducer's output, V, and when it was read, s of the clock: the middle of the exchange.
+
+        Raises `ProtocolError` for what no input can read.
+        """
+        with self.line.alone(UNIT, doing):
+            began_s = self._clock.now_s()
+            volts = self._read_float(AIN + 2 * self._options.channel, doing)
+            ended_s = self._clock.now_s()
         if not abs(volts) <= OVER_RANGE * self._options.range_v:
             raise ProtocolError(
                 self._device, f"{doing}: {volts:g} V lies outside the input's range", "check range_v and the wiring"
             )
-        return volts
+        return volts, (began_s + ended_s) / 2.0
 
     def dac_volts(self, doing: str) -> float:
         """What DAC0 is set to, V."""

@@ -81,10 +81,11 @@ class Sampler:
                     lost = False
                     _LOG.info("%s: the pressure can be read again", self._device)
             except DeviceError as error:
-                if not lost:
+                self._watch(error)
+                if lost:
+                    self._stopping.wait(RETRY_S)
+                else:
                     lost = True
                     _LOG.warning("the pressure can not be read: %s", error)
-                self._watch(error)
-                self._stopping.wait(RETRY_S)
             behind = math.ceil((self._clock.now_s() - began_s) / self._period_s)
             place = max(place + 1, behind)

@@ -35,7 +35,6 @@ class Transducer:
         self.labjack = LabJackT7(device, options, clock)
         self._device = device
         self._options = options
-        self._clock = clock
         self._changing = threading.Lock()
         self._ring = ReadingRing(max(1, round(options.keep_s * options.sample_rate_hz)))
         self._sampler = Sampler(
@@ -81,14 +80,12 @@ class Transducer:
 
         Raises `DeviceFaultError` for what a whole sensor can not read.
         """
-        began_s = self._clock.now_s()
-        volts = self.labjack.volts(doing)
-        ended_s = self._clock.now_s()
+        volts, time_s = self.labjack.volts(doing)
         pressure_kpa = self._options.transducer.pressure_kpa(volts)
         if not self._options.transducer.can_be(pressure_kpa):
             words = f"{doing}: {volts:.4g} V would be {pressure_kpa:.4g} kPa, outside the transducer's range"
             raise DeviceFaultError(self._device, words, "check its supply and its wiring")
-        return PressureReading(pressure_kpa, round((began_s + ended_s) / 2.0 * 1e9))
+        return PressureReading(pressure_kpa, round(time_s * 1e9))
 
     def readings_since(self, host_time_ns: int) -> PressureReadings:
         """See `drivers.interfaces.SampledPressureSource`."""

@@ -75,7 +75,7 @@ def test_another_input_is_set_up_as_configured():
     ]
 
     def act(labjack):
-        assert opened(labjack).volts("reading") == 0.75
+        assert opened(labjack).volts("reading")[0] == 0.75
 
     transcript = [TEST, PRODUCT, SERIAL, *set_up, ("01 03 00 06 00 02", "01 03 04 3F 40 00 00")]
     run(transcript, act, channel=3, range_v=1.0, negative_channel=4, resolution_index=8, settling_us=200.0)
@@ -83,7 +83,10 @@ def test_another_input_is_set_up_as_configured():
 
 def test_reading_the_transducer():
     def act(labjack):
-        assert opened(labjack).volts("reading") == 1.5
+        began_s = HostClock().now_s()
+        volts, time_s = opened(labjack).volts("reading")
+        assert volts == 1.5
+        assert began_s < time_s < HostClock().now_s()
 
     run([*GREETING, ain0("3F C0 00 00")], act)
 
