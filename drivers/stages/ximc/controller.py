@@ -75,9 +75,8 @@ class XimcController:
         return not self._configure()
 
     def begin_move(self, count: int) -> None:
-        """Set off; both parts of the position have its sign."""
-        steps, microsteps = divmod(abs(count), self._options.microsteps)
-        self._dialogue.ask("move", (steps, microsteps) if count >= 0 else (-steps, -microsteps))
+        """Set off."""
+        self._dialogue.ask("move", in_steps(count, self._options.microsteps))
 
     def begin_home(self) -> None:
         """Give it the recipe and set off."""
@@ -89,9 +88,8 @@ class XimcController:
         flags |= HomeFlag.HALF_TURN if recipe.half_turn else 0
         flags |= HomeFlag.FAST if recipe.fast_algorithm else 0
         shift = round(recipe.shift * self._options.steps_per_unit * division)
-        steps, microsteps = divmod(abs(shift), division)
-        way = (steps, microsteps) if shift >= 0 else (-steps, -microsteps)
-        self._dialogue.ask("shom", (*self._rate(recipe.fast_speed), *self._rate(recipe.slow_speed), *way, flags))
+        rates = (*self._rate(recipe.fast_speed), *self._rate(recipe.slow_speed))
+        self._dialogue.ask("shom", (*rates, *in_steps(shift, division), flags))
         self._dialogue.ask("home")
 
     def end_home(self) -> None:
@@ -100,9 +98,7 @@ class XimcController:
         if count == 0:
             self._dialogue.ask("zero")
             return
-        steps, microsteps = divmod(abs(count), self._options.microsteps)
-        place = (steps, microsteps) if count > 0 else (-steps, -microsteps)
-        self._dialogue.ask("spos", (*place, 0, IGNORE_ENCODER))
+        self._dialogue.ask("spos", (*in_steps(count, self._options.microsteps), 0, IGNORE_ENCODER))
 
     def halt(self) -> None:
         """A soft stop: a hard one would lose the reference."""
@@ -150,6 +146,12 @@ class XimcController:
         if Motion(*(int(value) for value in self._dialogue.ask("gmov"))) != wanted:
             raise RefusedError("the controller does not take the speed or the acceleration")
         return True
+
+
+def in_steps(count: int, microsteps: int) -> tuple[int, int]:
+    """A count of microsteps as steps and microsteps, both of its sign; ``microsteps`` is how many a step has."""
+    steps, rest = divmod(abs(count), microsteps)
+    return (steps, rest) if count >= 0 else (-steps, -rest)
 
 
 def _longest_homing_s(options: XimcOptions) -> float:
