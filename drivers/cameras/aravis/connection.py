@@ -165,11 +165,24 @@ class Connection:
             return
         if not device.is_ours():
             self._lose("its heartbeat ended: it is off, unplugged, or taken by another program")
-        elif self._acquisition is not None and self._options.trigger == "off":
+        elif self._acquisition is None or self._options.trigger != "off":
+            self._ask_at_rest(device)
+        else:
             settings = self.settings
             patience_s = self._options.stall_timeout_s + settings.exposure_s + 2.0 / settings.frame_rate_hz
             if self._clock.now_s() - self._last_frame_s > patience_s:
                 self._look_into_a_stall(patience_s)
+
+    def _ask_at_rest(self, device: Device) -> None:
+        """USB3 Vision has no heartbeat, so a camera that owes no frame is asked now and then."""
+        if device.is_gige or self._clock.now_s() - self._last_frame_s < self._options.stall_timeout_s:
+            return
+        try:
+            with self.command("looking whether it is there") as device:
+                device.answers()
+                self._last_frame_s = self._clock.now_s()
+        except DeviceError:
+            self._lose("it does not answer")
 
     def _look_into_a_stall(self, patience_s: float) -> None:
         try:

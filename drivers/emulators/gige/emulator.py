@@ -192,13 +192,16 @@ class GigeEmulator:
             _log.exception("%s: no image for a frame, so it is not sent", self.serial)
 
     def _start_ns(self, fake: FakeCamera) -> int:
-        """When the exposure begins: now when triggered, else at the next whole period; waits for it."""
+        """When the exposure begins: now when triggered, else at the whole period that is due; waits for the first.
+
+        A thread that is woken late still stamps the time at which the exposure was due, as a camera's own clock would.
+        """
         now_ns = time.time_ns()
         if fake.read(at.TRIGGER_MODE) == 1:
             return now_ns
         period_ns = 1000 * fake.read(at.FRAME_PERIOD_US)
         start_ns = now_ns - now_ns % period_ns
-        if now_ns - self._last_start_ns > 1.5 * period_ns or now_ns - start_ns > 0.5 * period_ns:
+        if now_ns - self._last_start_ns > 2 * period_ns:
             start_ns += period_ns
             self._wait_until(start_ns)
         self._last_start_ns = start_ns

@@ -28,8 +28,6 @@ def assert_none_lost(camera, frames):
     assert (counters.failed, counters.underrun, counters.missing_packets) == (0, 0, 0)
     assert counters.delivered == len(frames)
     assert 0 <= counters.completed - len(frames) <= 16
-    camera_s = 1e-9 * np.diff([frame.camera_time_ns for frame in frames])
-    assert camera_s == pytest.approx(1 / 11, abs=0.005)
 
 
 @pytest.mark.parametrize("seconds", [10, pytest.param(60, marks=[pytest.mark.slow, pytest.mark.timeout(300)])])
