@@ -59,7 +59,7 @@ def options(address: str, *, speed_mm_s: float = SPEED_MM_S, **changes) -> Modbu
 
 
 @contextmanager
-def jack_rig(transport: str, *, start_mm: float = 4.0, speed_mm_s: float = SPEED_MM_S, **changes) -> Iterator[JackRig]:
+def jack_rig(transport: str, *, start_mm: float = 0.5, speed_mm_s: float = SPEED_MM_S, **changes) -> Iterator[JackRig]:
     clock = HostClock()
     world = TinyWorld(clock)
     mechanics = JackOptions(

@@ -27,7 +27,7 @@ class TestEmulatedJacks(AxisContract):
 
     @pytest.fixture
     def places(self):
-        return (8.0, 32.0, 46.0)
+        return (8.0, 28.0, 40.0)
 
 
 if "BSCD_REAL_JACKS" in os.environ:
