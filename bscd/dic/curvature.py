@@ -173,7 +173,8 @@ class Curvature:
 
     def _shared(self, offset_px: FloatArray) -> FloatArray:
         """Share of two subsets that overlaps at an offset ``(..., 2)``."""
-        return np.prod(np.maximum(1.0 - np.abs(offset_px) / self._subset_px, 0.0), axis=-1)
+        column, row = (np.maximum(1.0 - np.abs(offset_px[..., k]) / self._subset_px, 0.0) for k in (0, 1))
+        return column * row
 
 
 def _neighbours(points_px: FloatArray, radius_px: float) -> tuple[FloatArray, IntArray]:

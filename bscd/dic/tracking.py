@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from bscd.dic.images import PreparedImage
 from bscd.dic.recovery import Jump, recovered, trial_points
 from bscd.dic.sharpness import sharpness_per_px
 from bscd.dic.solver import PARAMETERS, Lighting, ShapeName
+from bscd.dic.tracker_state import REFERENCE, GenerationState, Tracked, TrackerState, at_rest
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
@@ -45,37 +47,13 @@ class TrackingSettings:
     threads: int | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Tracked:
-    """Where N points are in a frame.
-
-    ``position_px`` ``(N, 2)``; ``covariance_px2`` ``(N, 2, 2)`` of it, all matches since the first reference
-    together, ``reference_px2`` and ``frame_px2`` ``(N, 2, 2)`` the parts of it that are the noise of the first
-    reference and of the frame itself; ``gradient`` ``(N, 2, 2)`` of the displacement since the first reference by the
-    position there; ``zncc`` ``(N,)`` against the reference of the moment; ``status`` ``(N,)``; ``renewals`` how often
-    it was renewed before. NaN where a point is not valid.
-    """
-
-    position_px: FloatArray
-    covariance_px2: FloatArray
-    reference_px2: FloatArray
-    frame_px2: FloatArray
-    gradient: FloatArray
-    zncc: FloatArray
-    status: NDArray[np.int32]
-    renewals: int
-
-    @property
-    def valid(self) -> BoolArray:
-        """Which points were found, ``(N,)``."""
-        return self.status == Status.VALID
-
-
 @dataclass
 class _Generation:
     """A reference image and what the points had come to there; rows for all points, NaN for those not in it."""
 
     image: PreparedImage
+    number: int
+    """Of the image: `REFERENCE`, or the frame's."""
     reached: Tracked
     alike: FloatArray
     """What a point's subset here has in common with the one that was matched to it, a share ``(N,)``."""
@@ -101,21 +79,64 @@ class Tracker:
         self._renewals = 0
         self._first_zncc = float("nan")
         self._last = at_rest(self._points_px)
-        self._previous = reference
+        self._previous, self._previous_number = reference, REFERENCE
+        self._tracked = 0
         self._hopeless = False
         self._waited = 0
         self._jump = Jump(reference, reference)
-        self._begin(reference, np.ones(count, bool))
+        self._begin(reference, REFERENCE, np.ones(count, bool))
+
+    @classmethod
+    def resumed(cls, state: TrackerState, images: Mapping[int, PreparedImage], settings: TrackingSettings) -> Tracker:
+        """A tracker that goes on where another was, with the same results; ``images`` by the state's numbers."""
+        tracker = cls(images[state.previous], state.points_px, settings)
+        tracker._generations = {}
+        for number, kept in state.generations.items():
+            generation = _Generation(images[kept.image], kept.image, kept.reached, kept.alike, kept.noise_grey)
+            generation.shape, generation.before = kept.shape.copy(), kept.before.copy()
+            tracker._generations[number] = generation
+        tracker._newest, tracker._of, tracker._renewals = state.newest, state.of.copy(), state.renewals
+        tracker._first_zncc, tracker._last = state.first_zncc, state.last
+        tracker._previous_number, tracker._tracked = state.previous, state.tracked
+        tracker._hopeless, tracker._waited = state.hopeless, state.waited
+        return tracker
+
+    def state(self) -> TrackerState:
+        """All that the next frame's result depends on, but the images."""
+        return TrackerState(
+            points_px=self._points_px,
+            tracked=self._tracked,
+            generations={
+                number: GenerationState(
+                    kept.number, kept.reached, kept.alike, kept.noise_grey, kept.shape.copy(), kept.before.copy()
+                )
+                for number, kept in self._generations.items()
+            },
+            newest=self._newest,
+            of=self._of.copy(),
+            renewals=self._renewals,
+            first_zncc=self._first_zncc,
+            last=self._last,
+            previous=self._previous_number,
+            hopeless=self._hopeless,
+            waited=self._waited,
+        )
+
+    @property
+    def tracked(self) -> int:
+        """How many frames it has followed."""
+        return self._tracked
 
     def track(self, current: PreparedImage) -> Tracked:
         """The points in the next frame."""
         self._jump = Jump(self._previous, current)
         found = self._matched(current)
         self._last = replace(found, renewals=self._renewals)
-        self._hopeless = np.count_nonzero(found.valid) < _HOPELESS * len(self._of)
+        self._hopeless = bool(np.count_nonzero(found.valid) < _HOPELESS * len(self._of))
         if not self._hopeless:
-            self._previous = current
+            self._previous, self._previous_number = current, self._tracked
             self._renew_where_needed(current, found)
+        self._tracked += 1
         return self._last
 
     def _matched(self, current: PreparedImage) -> Tracked:
@@ -262,7 +283,7 @@ class Tracker:
             if self._waited < _PATIENCE and self._is_blurred(current, found):
                 return
             # what is much less alike than the rest is half covered: its old reference shows more of it
-            self._begin(current, valid & (found.zncc >= similar - self._settings.zncc_fall))
+            self._begin(current, self._tracked, valid & (found.zncc >= similar - self._settings.zncc_fall))
         self._waited = 0
 
     def _is_blurred(self, current: PreparedImage, found: Tracked) -> bool:
@@ -285,7 +306,7 @@ class Tracker:
         stretch = np.linalg.svd(leg, compute_uv=False)
         return np.prod(np.minimum(stretch, 1.0 / stretch), axis=1)
 
-    def _begin(self, image: PreparedImage, taken: BoolArray) -> None:
+    def _begin(self, image: PreparedImage, number: int, taken: BoolArray) -> None:
         """Make an image the reference of some points; the others keep theirs and may come back there.
 
         References that no point has any more are let go.
@@ -296,7 +317,7 @@ class Tracker:
         if self._generations:
             noise = noise if noise is None or isinstance(noise, (int, float)) else (noise[1], noise[1])
             alike[taken] = self._alike(taken)
-        generation = _Generation(image, self._last, alike, noise)
+        generation = _Generation(image, number, self._last, alike, noise)
         generation.shape, generation.before = nan, nan.copy()
         generation.shape[taken] = 0.0
         self._renewals += bool(self._generations)
@@ -305,10 +326,3 @@ class Tracker:
         self._generations[self._newest] = generation
         used = set(self._of.tolist())
         self._generations = {number: kept for number, kept in self._generations.items() if number in used}
-
-
-def at_rest(points_px: FloatArray) -> Tracked:
-    """Points ``(N, 2)`` in their reference."""
-    none = np.zeros((len(points_px), 2, 2))
-    status = np.full(len(points_px), Status.VALID, np.int32)
-    return Tracked(points_px, none, none, none, none, np.ones(len(points_px)), status, 0)
