@@ -130,6 +130,15 @@ class RunHeader:
 
 
 @dataclass(frozen=True, slots=True)
+class FrameLoss:
+    """Exposures of a stream that are not in its file: ``count`` from number ``first`` (from 0) on, and why."""
+
+    first: int
+    count: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class RunEvent:
     """Something worth knowing that happened during a run, and when (ISO 8601, UTC)."""
 
