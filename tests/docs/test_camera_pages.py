@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from bscd.acquisition.replay import ReplayOptions
+from bscd.config import load_config
 from drivers.cameras.aravis import AravisOptions
 from drivers.cameras.v4l2 import V4l2Options
 
@@ -32,9 +33,14 @@ def test_every_option_with_its_default_and_no_other(page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_example_is_accepted(page):
+def test_the_example_is_accepted_in_a_rigs_configuration(page, tmp_path):
     example = re.search(r"```toml\n(.*?)```", (ROOT / f"docs/drivers/{page}.md").read_text(), re.DOTALL)
     assert example
-    device = tomllib.loads(example[1])["devices"]["primary"]
-    assert device["driver"] == f"camera.{page}"
-    PAGES[page].model_validate(device["options"])
+    text = (ROOT / "config/twin.toml").read_text()
+    before, _, after = text.partition("[devices.primary]")
+    config = tmp_path / "rig.toml"
+    config.write_text(before + example[1] + "\n[" + after.partition("\n[")[2])
+    device = load_config(config).devices.primary
+    assert device.driver == f"camera.{page}"
+    assert isinstance(device.options, PAGES[page])
+    assert device.options.model_fields_set == set(tomllib.loads(example[1])["devices"]["primary"]) - {"driver"}
