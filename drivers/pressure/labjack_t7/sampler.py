@@ -87,5 +87,5 @@ class Sampler:
                 else:
                     lost = True
                     _LOG.warning("the pressure can not be read: %s", error)
-            behind = math.ceil((self._clock.now_s() - began_s) / self._period_s)
+            behind = math.floor((self._clock.now_s() - began_s) / self._period_s)
             place = max(place + 1, behind)

@@ -6,6 +6,7 @@ import time
 import pytest
 
 from drivers.clock import HostClock
+from drivers.emulators.modbus.pdu import RefusedError
 from drivers.errors import (
     DeviceBusyError,
     DeviceFaultError,
@@ -175,3 +176,37 @@ def heights_on_the_way(rig):
         for appointment in looks:
             appointment.cancel()
     return heights
+
+
+def test_a_stopped_homing_leaves_the_jacks_not_homed():
+    with jack_rig("rtu", start_mm=70.0) as rig:
+        rig.driver.connect()
+        stop = Outcome(HostClock(), 0.3, rig.driver.stop)
+        with pytest.raises(MoveStoppedError, match="homing: stopped on the way"):
+            rig.driver.home()
+        stop.get()
+        assert not rig.driver.status().homed
+        assert 5.0 < rig.truth_mm() < 69.0
+        rig.driver.home()
+        assert rig.truth_mm() == pytest.approx(0.0, abs=0.02)
+
+
+def test_one_jack_that_can_not_be_commanded_stops_the_other(rig):
+    """The upper drive refuses its command when the lower jack has set off."""
+    jacks = rig.ready()
+    upper = rig.emulator.drives[1]
+    take = upper.write
+
+    def refuse(address, words):
+        if address == 0x0058:
+            raise RefusedError(4)
+        take(address, words)
+
+    upper.write = refuse
+    with pytest.raises(DeviceFaultError, match=r"moving to 60 mm \(upper jack\): it could not do it"):
+        jacks.move_to(60.0)
+    time.sleep(0.3)
+    assert not jacks.status().moving
+    assert rig.truth_mm() < 20.0
+    upper.write = take
+    jacks.move_to(6.0)
