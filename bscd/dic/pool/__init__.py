@@ -1,0 +1,17 @@
+"""Workers for correlation: processes of this computer, or a Dask cluster; results do not depend on which."""
+
+from bscd.dic.pool.cluster import DaskPool
+from bscd.dic.pool.interface import LentImage, Pool, PoolClosedError, WorkerLostError
+from bscd.dic.pool.local import LocalPool
+from bscd.dic.pool.shared import OwnImage, SharedImage
+
+__all__ = [
+    "DaskPool",
+    "LentImage",
+    "LocalPool",
+    "OwnImage",
+    "Pool",
+    "PoolClosedError",
+    "SharedImage",
+    "WorkerLostError",
+]
