@@ -12,6 +12,7 @@ from bscd.acquisition.records import (
     AxisName,
     CameraMeta,
     CameraName,
+    Compression,
     FrameLoss,
     FrameRecord,
     PhaseName,
@@ -19,7 +20,9 @@ from bscd.acquisition.records import (
     RunEvent,
     RunHeader,
     RunState,
+    TimeBase,
 )
+from bscd.acquisition.recovery import Recovery, recover_in_place, recover_into
 from bscd.acquisition.writer import RunWriter
 
 __all__ = [
@@ -30,6 +33,7 @@ __all__ = [
     "AxisName",
     "CameraMeta",
     "CameraName",
+    "Compression",
     "FrameLoss",
     "FrameMean",
     "FrameRecord",
@@ -39,10 +43,14 @@ __all__ = [
     "PhaseName",
     "PressureMeta",
     "Problem",
+    "Recovery",
     "RunEvent",
     "RunFile",
     "RunHeader",
     "RunState",
     "RunWriter",
+    "TimeBase",
     "import_folder",
+    "recover_in_place",
+    "recover_into",
 ]

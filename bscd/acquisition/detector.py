@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import h5py
+import hdf5plugin  # noqa: F401  # HDF5 knows the filter of a compressed run by it
 import numpy as np
 
 from bscd.acquisition.layout import COLUMNS, COMMIT_COLUMN
@@ -18,6 +19,7 @@ class DetectorWriter:
     def __init__(self, group: h5py.Group, meta: CameraMeta, frames: int) -> None:
         self._meta = meta
         self._data = dataset_at(group, "data")
+        self._plain = self._data.id.get_create_plist().get_nfilters() == 0
         self._columns = {column.name: dataset_at(group, column.name) for column in COLUMNS}
         self._rows: list[dict[str, object]] = []
         self._written = frames
@@ -36,7 +38,10 @@ class DetectorWriter:
         """Write the image now and keep the metadata for `write_rows`."""
         row = self._written + len(self._rows)
         self._data.resize(row + 1, axis=0)
-        self._data[row] = record.data
+        if self._plain:  # a frame is a chunk: past HDF5's own buffers, which saves a copy
+            self._data.id.write_direct_chunk((row, 0, 0), np.ascontiguousarray(record.data))
+        else:
+            self._data[row] = record.data
         self._rows.append(_row(record, sequence, sha256))
 
     def write_rows(self) -> None:

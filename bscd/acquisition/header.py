@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import h5py
+import hdf5plugin  # noqa: F401  # HDF5 reads compressed runs by it
 
 from bscd.acquisition.layout import AXIS_UNIT, INSTRUMENT, PRESSURE
 from bscd.acquisition.records import AXES, CAMERAS, AxisMeta, AxisUnit, CameraMeta, PressureMeta, RunHeader

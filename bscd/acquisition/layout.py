@@ -21,6 +21,7 @@ RUN_FILE = FileKind(
     restore="copy it again from where it was recorded",
     for_folder="make one of it with bscd import {path} RUN.h5",
     keep="raw data is never overwritten",
+    after_crash="its frames can be read, by any program after bscd recover {path}; to go on record into a new file",
 )
 
 INSTRUMENT = "entry/instrument"

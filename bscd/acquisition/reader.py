@@ -9,13 +9,24 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from bscd.acquisition.account_columns import read_account, read_time_base
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.header import read_header
 from bscd.acquisition.index import frame_index
 from bscd.acquisition.layout import COLUMNS, INSTRUMENT, PRESSURE, RUN_FILE
 from bscd.acquisition.means import FrameMean, mean_of_repeats, repeated_frames
 from bscd.acquisition.pressure import interpolate_log_kpa
-from bscd.acquisition.records import CameraMeta, CameraName, FrameRecord, PhaseName, RunEvent, RunHeader
+from bscd.acquisition.records import (
+    AxisName,
+    CameraMeta,
+    CameraName,
+    FrameLoss,
+    FrameRecord,
+    PhaseName,
+    RunEvent,
+    RunHeader,
+    TimeBase,
+)
 from bscd.hdf5 import RECORDING, FileState, RecordedFile, dataset_at, group_at
 from drivers.interfaces import FrameStatus
 
@@ -76,6 +87,24 @@ class RunFile(RecordedFile):
                     events[-1].append(piece)
             return tuple(RunEvent(e[0].decode(), b"".join(e[1:]).decode()) for e in events)
 
+    @property
+    def frames_acquired(self) -> int | None:
+        """Exposures of the stream, lost ones among them; None where nobody counted, as in a scan or an import."""
+        with self._reading("reading its account"):
+            return read_account(group_at(self._file, RECORDING))[0]
+
+    @property
+    def losses(self) -> tuple[FrameLoss, ...]:
+        """Exposures that are not in the file, and why."""
+        with self._reading("reading its account"):
+            return read_account(group_at(self._file, RECORDING))[1]
+
+    @property
+    def time_base(self) -> TimeBase | None:
+        """How the camera's clock and the host's belong together; None where nobody looked."""
+        with self._reading("reading its time base"):
+            return read_time_base(group_at(self._file, RECORDING))
+
     def pressure_log(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The pressure log: times of the host's clock in ns ``(M,)`` and gauge pressures in kPa ``(M,)``."""
         if self.header.pressure is None:
@@ -124,6 +153,20 @@ class RunFile(RecordedFile):
         for rows in repeated_frames(self.table(camera, phase)):
             yield mean_of_repeats(self._record(row, pressure_kpa=float(row["pressure_kpa"])) for row in rows)
 
+    def targets(self, axis: AxisName) -> NDArray[np.float64]:
+        """Where an axis was sent, in its own readings, at each frame of the run ``(S,)``."""
+        with self._reading(f"reading the targets of the {axis} axis"):
+            return self._fresh(f"{INSTRUMENT}/{axis}/target_value").astype(np.float64)
+
+    def recorded(self, row: np.void) -> tuple[FrameRecord, str]:
+        """A frame of `table` as it was appended, with its pressure NaN where it came without, and its checksum."""
+        where = f"reading frame {row['sequence_number']} ({row['camera']} camera, frame id {row['frame_id']})"
+        with self._reading(where):
+            detector = group_at(self._file, f"{INSTRUMENT}/{row['camera']}")
+            kept = dataset_at(detector, "sha256")[row["row"]].decode()
+            recorded_kpa = float(dataset_at(detector, "pressure_kpa")[row["row"]])
+        return self._record(row, pressure_kpa=recorded_kpa), kept
+
     def verify(self) -> str | None:
         """Recompute every checksum; the first difference in one sentence, None when all is as recorded.
 
@@ -134,15 +177,15 @@ class RunFile(RecordedFile):
             return f"{self.path}: its title, configuration, recipe or devices are not what was recorded"
         digests: list[str] = []
         for row in self.table():
-            where = f"frame {row['sequence_number']} ({row['camera']} camera, frame id {row['frame_id']})"
-            with self._reading(f"reading {where}"):
-                detector = group_at(self._file, f"{INSTRUMENT}/{row['camera']}")
-                kept = dataset_at(detector, "sha256")[row["row"]].decode()
-                recorded_kpa = float(dataset_at(detector, "pressure_kpa")[row["row"]])
-            if frame_sha256(self._record(row, pressure_kpa=recorded_kpa)) != kept:
+            record, kept = self.recorded(row)
+            if frame_sha256(record) != kept:
+                where = f"frame {row['sequence_number']} ({row['camera']} camera, frame id {row['frame_id']})"
                 return f"{self.path}: {where} is not what was recorded"
             digests.append(kept)
-        if self.state is not FileState.RECORDING and run_sha256(header, digests, *self.pressure_log()) != self.checksum:
+        if (
+            self._read_state() is not FileState.RECORDING
+            and run_sha256(header, digests, *self.pressure_log()) != self.checksum
+        ):
             return f"{self.path}: frames, or readings of the pressure, are missing or were exchanged"
         return None
 

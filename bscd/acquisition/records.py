@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bscd.hdf5 import FileState
 from drivers.interfaces import CameraInfo, FrameStatus, Range
 
+Compression = Literal["none", "bitshuffle-lz4"]
 CameraName = Literal["primary", "auxiliary"]
 PhaseName = Literal["reference-corner", "reference-face", "bsc-corner", "bsc-face", "sphere", "inflation"]
 AxisUnit = Literal["mm", "deg"]
@@ -112,6 +113,17 @@ class PressureMeta:
     vendor: str = ""
     model: str = ""
     serial: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBase:
+    """How a camera's clock and the host's belong together.
+
+    ``offset_ns`` added to ``camera_time_ns`` gives the host's time at mid-exposure; ``uncertainty_s`` bounds its error.
+    """
+
+    offset_ns: int
+    uncertainty_s: float
 
 
 @dataclass(frozen=True, slots=True)

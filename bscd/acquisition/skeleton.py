@@ -6,20 +6,23 @@ import math
 from collections.abc import Mapping
 
 import h5py
+import hdf5plugin
 import numpy as np
 
+from bscd.acquisition.account_columns import create_account
 from bscd.acquisition.checksum import header_sha256
 from bscd.acquisition.layout import AXIS_UNIT, COLUMNS, EVENT_BYTES, PRESSURE, RUN_FILE
-from bscd.acquisition.records import AxisMeta, AxisName, CameraMeta, CameraName, PressureMeta, RunHeader
+from bscd.acquisition.records import AxisMeta, AxisName, CameraMeta, CameraName, Compression, PressureMeta, RunHeader
 from bscd.hdf5 import RECORDING, FileIdentity, group_at, make_column, make_entry, make_group, make_note, make_number
 from drivers.interfaces import Range
 
 
-def create_skeleton(file: h5py.File, header: RunHeader) -> None:
+def create_skeleton(file: h5py.File, header: RunHeader, compression: Compression = "none") -> None:
     """Lay out a new run file: all that is known at the start, and empty datasets for what will come."""
     identity = FileIdentity(header.title, header.uuid, header.start_time, header.program_version)
     entry = make_entry(file, RUN_FILE, identity, header_sha256(header))
     recording = group_at(file, RECORDING)
+    create_account(recording)
     make_column(recording, "event_time", "S32", b"")
     make_column(recording, "event_text", h5py.string_dtype("utf-8", EVENT_BYTES), b"")
     make_note(entry, "configuration", "rig.toml", header.config_text)
@@ -27,7 +30,7 @@ def create_skeleton(file: h5py.File, header: RunHeader) -> None:
     instrument = make_group(entry, "instrument", "NXinstrument")
     instrument["name"] = "biprism single-camera stereo-DIC rig"
     for name, camera in header.cameras.items():
-        _create_detector(instrument, name, camera)
+        _create_detector(instrument, name, camera, compression)
     for name, axis in header.axes.items():
         _create_positioner(instrument, name, axis)
     if header.pressure is not None:
@@ -46,7 +49,7 @@ def _limits(device: h5py.Group, low: str, high: str, limits: Range | None, unit:
         make_number(device, high, limits.high, unit)
 
 
-def _create_detector(instrument: h5py.Group, name: str, camera: CameraMeta) -> None:
+def _create_detector(instrument: h5py.Group, name: str, camera: CameraMeta, compression: Compression) -> None:
     detector = make_group(instrument, name, "NXdetector")
     detector["local_name"] = f"{name} camera"
     detector["description"] = f"{camera.vendor} {camera.model}".strip()
@@ -58,7 +61,12 @@ def _create_detector(instrument: h5py.Group, name: str, camera: CameraMeta) -> N
         make_number(detector, "y_pixel_size", camera.pixel_size_mm, "mm")
     shape = (camera.height_px, camera.width_px)
     data = detector.create_dataset(
-        "data", shape=(0, *shape), maxshape=(None, *shape), chunks=(1, *shape), dtype=camera.dtype
+        "data",
+        shape=(0, *shape),
+        maxshape=(None, *shape),
+        chunks=(1, *shape),
+        dtype=camera.dtype,
+        **(hdf5plugin.Bitshuffle(cname="lz4") if compression == "bitshuffle-lz4" else {}),
     )
     data.attrs.update({"units": "counts", "interpretation": "image", "long_name": f"{name} camera"})
     for column in COLUMNS:

@@ -10,22 +10,24 @@ from bscd.hdf5.building import (
     make_number,
     make_text,
 )
-from bscd.hdf5.growing import GrowingFile, beginning, utc_now, utc_text
+from bscd.hdf5.growing import RESERVE_BYTES, GrowingFile, beginning, utc_now, utc_text
 from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
 from bscd.hdf5.nodes import dataset_at, group_at, text_at
-from bscd.hdf5.opening import create_file, damage_reported, open_to_continue, open_to_read
+from bscd.hdf5.opening import clear_crash, create_file, damage_reported, open_to_continue, open_to_read
 from bscd.hdf5.reading import RecordedFile, read_identity
 from bscd.hdf5.states import FileState
 
 __all__ = [
     "ENTRY",
     "RECORDING",
+    "RESERVE_BYTES",
     "FileIdentity",
     "FileKind",
     "FileState",
     "GrowingFile",
     "RecordedFile",
     "beginning",
+    "clear_crash",
     "create_file",
     "damage_reported",
     "dataset_at",

@@ -18,7 +18,7 @@ from bscd.hdf5.opening import abandon, write_failure
 from bscd.hdf5.states import FileState
 
 #: Room that is left on the disk, enough to close the file.
-_RESERVE_BYTES = 8_000_000
+RESERVE_BYTES = 8_000_000
 
 
 def utc_now() -> datetime:
@@ -49,12 +49,25 @@ def beginning(path: Path, file: h5py.File, doing: str, *, new: bool) -> Iterator
 
 
 class GrowingFile:
-    """An open file that grows; no group or dataset can be made any more, since SWMR allows none."""
+    """An open file that grows; no group or dataset can be made any more, since SWMR allows none.
 
-    def __init__(self, path: Path, file: h5py.File, now: Callable[[], datetime]) -> None:
+    ``reserve_bytes`` of the disk are left free. With ``sync`` each `flush` waits until the disk itself has it.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        file: h5py.File,
+        now: Callable[[], datetime],
+        *,
+        reserve_bytes: int = RESERVE_BYTES,
+        sync: bool = False,
+    ) -> None:
         self.path = path
         self.file = file
         self._now = now
+        self._reserve_bytes = reserve_bytes
+        self._sync = sync
         file.swmr_mode = True
         self._put(f"{RECORDING}/state", FileState.RECORDING.value)
         self._put(f"{RECORDING}/reason", "")
@@ -74,6 +87,12 @@ class GrowingFile:
         """Write the time of now as the end so far."""
         self._put(f"{ENTRY}/end_time", self.time_text())
 
+    def flush(self) -> None:
+        """Hand everything to the operating system, and where asked for see it to the disk."""
+        self.file.flush()
+        if self._sync:
+            os.fsync(self._descriptor)
+
     def end(self, state: FileState, reason: str, sha256: str) -> None:
         """Write how it ended, see it to the disk and close it."""
         with self.writing("closing it"):
@@ -81,7 +100,7 @@ class GrowingFile:
             self._put(f"{RECORDING}/reason", reason)
             self._put(f"{RECORDING}/state", state.value)
             self.file.flush()
-            os.fsync(self.file.id.get_vfd_handle())
+            os.fsync(self._descriptor)
             self.file.close()
 
     @contextmanager
@@ -95,12 +114,24 @@ class GrowingFile:
 
     def check_space(self, needed_bytes: int) -> None:
         """Stop while the file can still be closed well: once HDF5 fails to write, it can not."""
-        free_bytes = shutil.disk_usage(self.path.parent).free
-        if free_bytes < needed_bytes + _RESERVE_BYTES:
+        try:
+            free_bytes = shutil.disk_usage(self.path.parent).free
+            removed = not os.fstat(self._descriptor).st_nlink
+        except OSError as err:
+            raise BscdError(
+                f"{self.path}: its folder can not be reached any more ({err.strerror}); look where the file went"
+            ) from err
+        if removed:
+            raise BscdError(f"{self.path}: somebody deleted the file while it was recorded; record again")
+        if free_bytes < needed_bytes + self._reserve_bytes:
             raise BscdError(
                 f"{self.path}: the disk is full ({free_bytes / 1e6:.0f} MB left); the frames before are kept, "
                 "make room to go on"
             )
+
+    @property
+    def _descriptor(self) -> int:
+        return self.file.id.get_vfd_handle()
 
     def _put(self, name: str, value: str) -> None:
         dataset = dataset_at(self.file, name)

@@ -13,7 +13,8 @@ class FileKind:
     """A kind of file: what it is called, what /entry/definition says, and what messages advise.
 
     ``source`` names files of this kind ("give ..."); ``restore`` is what to do about a damaged one, ``for_folder``
-    about a folder in its place (with ``{path}``); ``keep`` says why one is never overwritten.
+    about a folder in its place (with ``{path}``); ``keep`` says why one is never overwritten, ``after_crash`` what to
+    do with one whose writer was killed (with ``{path}``).
     """
 
     name: str
@@ -23,3 +24,4 @@ class FileKind:
     restore: str
     for_folder: str
     keep: str
+    after_crash: str

@@ -13,12 +13,10 @@ import h5py
 from bscd.errors import BscdError, InputError
 from bscd.hdf5.kind import ENTRY, FileKind
 from bscd.hdf5.nodes import dataset_at, text_at
+from bscd.hdf5.superblock import FLAGS, OPEN_FOR_WRITE, SIGNATURE, VERSION, clear_open_mark
 
 #: HDF5 1.10's format: the oldest that has SWMR, readable by every tool of today.
 _LIBVER = ("v110", "v110")
-
-#: HDF5's superblock (file format specification, section II.A): where its version and its consistency flags stand.
-_SIGNATURE, _VERSION, _FLAGS, _OPEN_FOR_WRITE = b"\x89HDF\r\n\x1a\n", 8, 11, 1
 
 _SYSTEM_SAID = re.compile(r"error message = '([^']+)'")
 
@@ -47,7 +45,7 @@ def open_to_continue(path: Path, kind: FileKind) -> h5py.File:
 
 def open_to_read(path: Path, kind: FileKind) -> h5py.File:
     """An existing file, finished, being written, or left by a writer that crashed."""
-    left_open = _superblock(path, kind)[_FLAGS] & _OPEN_FOR_WRITE
+    left_open = _superblock(path, kind)[FLAGS] & OPEN_FOR_WRITE
     try:
         file = h5py.File(path, "r", swmr=bool(left_open))
     except OSError as err:
@@ -68,6 +66,21 @@ def abandon(file: h5py.File) -> None:
         os.close(nowhere)
     with suppress(OSError, RuntimeError):
         file.close()
+
+
+def clear_crash(path: Path, kind: FileKind) -> bool:
+    """Clear the mark that a killed writer left on a file; False when there is none. No data is touched.
+
+    Raises `InputError` for a file of another shape and one that may not be written. The caller has made sure that
+    nobody writes it.
+    """
+    _superblock(path, kind)
+    try:
+        return clear_open_mark(path)
+    except ValueError as err:
+        raise InputError(f"{path} is damaged ({err}); {kind.restore}") from err
+    except OSError as err:
+        raise InputError(f"{path} can not be changed ({_reason(err)}); recover it into a copy with --out") from err
 
 
 @contextmanager
@@ -92,15 +105,15 @@ def _superblock(path: Path, kind: FileKind) -> bytes:
         raise InputError(f"{path} is a folder, not a {kind.name}; {kind.for_folder.format(path=path)}")
     try:
         with path.open("rb") as file:
-            head = file.read(_FLAGS + 1)
+            head = file.read(FLAGS + 1)
     except FileNotFoundError as err:
         raise InputError(f"{path} does not exist; check the name") from err
     except OSError as err:
         raise _explained(path, kind, err) from err
-    if not head.startswith(_SIGNATURE) or len(head) <= _FLAGS:
+    if not head.startswith(SIGNATURE) or len(head) <= FLAGS:
         raise InputError(f"{path} is not an HDF5 file; give {kind.source}")
     # before version 3 the byte means something else
-    return head if head[_VERSION] >= 3 else head[:_FLAGS] + b"\0"
+    return head if head[VERSION] >= 3 else head[:FLAGS] + b"\0"
 
 
 def _reason(err: Exception) -> str:
@@ -118,10 +131,7 @@ def _explained(path: Path, kind: FileKind, err: OSError) -> InputError:
     if "truncated" in said:
         return InputError(f"{path} is cut off, it is shorter than it was; {kind.restore}")
     if "already open for write" in said:
-        return InputError(
-            f"{path} is being written, or its writer crashed; its frames can be read, but to go on record "
-            "the rest into a new file"
-        )
+        return InputError(f"{path} is being written, or its writer crashed; {kind.after_crash.format(path=path)}")
     if isinstance(err, BlockingIOError) or "unable to lock" in said:
         return InputError(f"{path} is in use by another program; close it there first")
     if isinstance(err, PermissionError):

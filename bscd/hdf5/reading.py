@@ -17,6 +17,8 @@ from bscd.hdf5.nodes import dataset_at, text_at
 from bscd.hdf5.opening import damage_reported, open_to_read
 from bscd.hdf5.states import FileState
 
+_RECOVERED = "its writer was killed; recovered"
+
 
 def read_identity(file: h5py.File) -> FileIdentity:
     """What the file says of itself; `KeyError` where a part is missing."""
@@ -56,8 +58,8 @@ class RecordedFile:
 
     @property
     def state(self) -> FileState:
-        """Whether it is recording (or its writer crashed), complete or interrupted."""
-        return self._read_state()
+        """Whether it is recording (or its writer crashed), complete or interrupted (also: recovered from a crash)."""
+        return FileState.INTERRUPTED if self._recovered else self._read_state()
 
     @property
     def complete(self) -> bool:
@@ -67,7 +69,7 @@ class RecordedFile:
     @property
     def reason(self) -> str:
         """Why it was interrupted, else empty."""
-        return self._read_text(f"{RECORDING}/reason")
+        return _RECOVERED if self._recovered else self._read_text(f"{RECORDING}/reason")
 
     @property
     def end_time(self) -> str:
@@ -99,6 +101,11 @@ class RecordedFile:
         with self._reading(f"reading {name}"):
             dataset_at(self._file, name).id.refresh()
             return text_at(self._file, name)
+
+    @property
+    def _recovered(self) -> bool:
+        """Whether no writer has it open although it never ended: a crash, whose mark was cleared."""
+        return not self._file.swmr_mode and self._read_state() is FileState.RECORDING
 
     def _read_state(self) -> FileState:
         with self._reading("reading its state"):

@@ -16,6 +16,7 @@ RESULTS_FILE = FileKind(
     restore="copy it again from where it was measured, or measure again",
     for_folder="give the file that bscd measure made",
     keep="results are never overwritten",
+    after_crash="its frames can be read; to go on measure into a new file",
 )
 
 DATA = "entry/data"

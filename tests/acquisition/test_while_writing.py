@@ -94,7 +94,9 @@ def test_after_a_kill_every_flushed_frame_is_there(killed):
 
 def test_a_run_whose_writer_was_killed_is_not_written_on(killed):
     before = killed.read_bytes()
-    with pytest.raises(InputError, match="its writer crashed; its frames can be read"):
+    with pytest.raises(
+        InputError, match="its writer crashed; its frames can be read, by any program after bscd recover"
+    ):
         RunWriter.reopen(killed)
     assert killed.read_bytes() == before
 

@@ -1,0 +1,125 @@
+"""Restore what a killed writer left of a run: in its place, by clearing the mark of its writer, or into a copy."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bscd.acquisition.checksum import frame_sha256
+from bscd.acquisition.layout import RUN_FILE
+from bscd.acquisition.reader import RunFile
+from bscd.acquisition.records import AxisName, FrameRecord
+from bscd.acquisition.writer import RunWriter
+from bscd.errors import InputError
+from bscd.hdf5 import clear_crash
+from drivers.interfaces import PressureReading
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What came of a recovery.
+
+    ``path`` is the file that can be used now, ``frames`` are in it. ``changed`` is False for a run that needed none.
+    ``damage`` is the first difference to what was recorded, empty when there is none.
+    """
+
+    path: Path
+    frames: int
+    changed: bool
+    damage: str
+
+
+def recover_in_place(path: str | os.PathLike[str]) -> Recovery:
+    """Make a run whose writer was killed a file that any program opens; no byte of its data is written.
+
+    Only the mark of the writer is cleared. The run counts as interrupted from then on, and keeps every frame that was
+    flushed. Raises `InputError` for a file that is being written, is no run file or may not be changed.
+    """
+    where = Path(path)
+    with RunFile(where):  # whether it is a run file at all
+        pass
+    if writer := _writer_of(where):
+        raise InputError(f"{where} is being written by process {writer}; stop the recording there first")
+    changed = clear_crash(where, RUN_FILE)
+    with RunFile(where) as run:
+        return Recovery(where, len(run.table()), changed, run.verify() or "")
+
+
+def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> Recovery:
+    """Write the whole frames of a cut off run into a new file, with its uuid, and close that as interrupted.
+
+    It ends at the first frame that can not be read or is not as recorded. The run itself is only read. Raises
+    `InputError` when ``copy`` exists or the run can not be opened at all.
+    """
+    damage: list[str] = []
+    with RunFile(path) as run:
+        header = run.header
+        with RunWriter(
+            copy,
+            title=header.title,
+            cameras=header.cameras,
+            config_text=header.config_text,
+            recipe_text=header.recipe_text,
+            axes=header.axes,
+            pressure=header.pressure,
+            program_version=header.program_version,
+            run_uuid=header.uuid,
+            start_time=header.start_time,
+            flush_every=16,
+        ) as writer:
+            targets: dict[AxisName, NDArray[np.float64]] = {name: run.targets(name) for name in header.axes}
+            for number, record in enumerate(_whole_frames(run, damage)):
+                for name, values in targets.items():
+                    writer.set_target(name, float(values[number]))
+                writer.append(record)
+            for time_ns, kpa in zip(*run.pressure_log(), strict=True):
+                writer.log_pressure(PressureReading(float(kpa), int(time_ns)))
+            for event in run.events:
+                writer.event(event.text, event.time)
+            if run.frames_acquired is not None:
+                writer.account(run.frames_acquired, run.losses)
+            frames = writer.frames_written
+            writer.interrupt(run.reason or "its writer was killed; recovered into a copy")
+    return Recovery(Path(copy), frames, True, "".join(damage))
+
+
+def _whole_frames(run: RunFile, damage: list[str]) -> Iterator[FrameRecord]:
+    """The frames up to the first that is damaged, as they were appended."""
+    for row in run.table():
+        try:
+            record, kept = run.recorded(row)
+        except InputError as err:
+            damage.append(str(err))
+            return
+        if frame_sha256(record) != kept:
+            damage.append(f"{run.path}: frame {row['sequence_number']} is not what was recorded")
+            return
+        yield record
+
+
+def _writer_of(path: Path) -> int | None:
+    """A process that has the file open to write; None when there is none that this user may see."""
+    there = path.stat()
+    for process in Path("/proc").iterdir():
+        if not process.name.isdigit():
+            continue
+        with suppress(OSError):  # it ended meanwhile, or is another user's
+            for descriptor in (process / "fd").iterdir():
+                with suppress(OSError):
+                    seen = descriptor.stat()
+                    if (seen.st_dev, seen.st_ino) == (there.st_dev, there.st_ino) and _writes(process, descriptor.name):
+                        return int(process.name)
+    return None
+
+
+def _writes(process: Path, descriptor: str) -> bool:
+    for line in (process / "fdinfo" / descriptor).read_text().splitlines():
+        if line.startswith("flags:"):
+            return bool(int(line.split()[1], 8) & (os.O_WRONLY | os.O_RDWR))
+    return False

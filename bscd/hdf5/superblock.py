@@ -1,0 +1,78 @@
+"""The first bytes of an HDF5 file: whether a writer left it open, and how that mark is cleared.
+
+HDF5 file format specification, section II.A (superblock versions 2 and 3). What is done here is what ``h5clear
+--status --increment=0`` does: two fields of the superblock and its checksum, no byte of data.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+VERSION, FLAGS = 8, 11
+OPEN_FOR_WRITE = 1
+
+_END_OF_FILE, _CHECKSUM = 28, 44
+_SIZE = 48
+_MASK = 0xFFFFFFFF
+
+
+def clear_open_mark(path: Path) -> bool:
+    """Clear the mark of a writer that was killed, so that any program can open the file; False when there is none.
+
+    The file's end as HDF5 keeps it is set to its size, since what was written last may lie beyond. Raises `OSError`
+    when the file can not be written and `ValueError` when its superblock is damaged or of another version.
+    """
+    with path.open("r+b") as file:
+        head = bytearray(file.read(_SIZE))
+        if len(head) < _SIZE or not head.startswith(SIGNATURE) or head[VERSION] != 3 or head[9:11] != b"\x08\x08":
+            raise ValueError("its first bytes are not those of a file that was written so")
+        if struct.unpack_from("<I", head, _CHECKSUM)[0] != lookup3(bytes(head[:_CHECKSUM])):
+            raise ValueError("its first bytes do not match their checksum")
+        if not head[FLAGS]:
+            return False
+        head[FLAGS] = 0
+        end = struct.unpack_from("<Q", head, _END_OF_FILE)[0]
+        struct.pack_into("<Q", head, _END_OF_FILE, max(end, os.fstat(file.fileno()).st_size))
+        struct.pack_into("<I", head, _CHECKSUM, lookup3(bytes(head[:_CHECKSUM])))
+        file.seek(0)
+        file.write(head)
+        file.flush()
+        os.fsync(file.fileno())
+    return True
+
+
+def lookup3(data: bytes) -> int:
+    """HDF5's checksum of metadata: Bob Jenkins' lookup3, ``hashlittle`` with the initial value 0."""
+    a = b = c = (0xDEADBEEF + len(data)) & _MASK
+    blocks = max(0, (len(data) - 1) // 12)
+    for start in range(0, 12 * blocks, 12):
+        x, y, z = struct.unpack_from("<3I", data, start)
+        a, b, c = _mix((a + x) & _MASK, (b + y) & _MASK, (c + z) & _MASK)
+    rest = data[12 * blocks :]
+    if not rest:
+        return c
+    x, y, z = struct.unpack("<3I", rest.ljust(12, b"\0"))
+    return _final((a + x) & _MASK, (b + y) & _MASK, (c + z) & _MASK)
+
+
+def _rotate(value: int, bits: int) -> int:
+    return ((value << bits) | (value >> (32 - bits))) & _MASK
+
+
+def _mix(a: int, b: int, c: int) -> tuple[int, int, int]:
+    for bits in (4, 6, 8, 16, 19, 4):
+        a = ((a - c) & _MASK) ^ _rotate(c, bits)
+        c = (c + b) & _MASK
+        a, b, c = b, c, a
+    return a, b, c
+
+
+def _final(a: int, b: int, c: int) -> int:
+    for bits in (14, 11, 25, 16, 4, 14, 24):
+        c = ((c ^ b) - _rotate(b, bits)) & _MASK
+        a, b, c = b, c, a
+    # seven turns of three names leave the last word computed, c, in b
+    return b
