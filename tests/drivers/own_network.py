@@ -80,6 +80,8 @@ def _run_module_of(item: pytest.Item) -> None:
         )
         for line in file.read_text().splitlines():
             report = item.config.hook.pytest_report_from_serializable(config=item.config, data=json.loads(line))
+            if isinstance(report.longrepr, list):  # where and why it was skipped: JSON knows no tuples
+                report.longrepr = tuple(report.longrepr)
             _reports.setdefault(report.nodeid, []).append(report)
     for missed in items:
         if missed.nodeid not in _reports or _reports[missed.nodeid][-1].when != "teardown":
