@@ -41,7 +41,7 @@ def can_unshare() -> bool:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     if item.get_closest_marker("own_network") is None or inside() or not can_unshare():
         return None
     if item.nodeid not in _reports:
@@ -51,6 +51,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
     for report in _reports[item.nodeid]:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    # what the test before kept for this one, of its folder say, must go where the next one does not need it
+    item.session._setupstate.teardown_exact(nextitem)
     return True
 
 
