@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +14,7 @@ from bscd.acquisition.images import read_grey
 from bscd.calibration import Calibration
 from bscd.cli.following import following
 from bscd.cli.measurement_report import check_report_folder, report_measurement
+from bscd.dic.pool import DaskPool, LocalPool, Pool
 from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
@@ -47,12 +50,20 @@ def register(app: typer.Typer) -> None:
         threads: Annotated[
             int | None, typer.Option(min=1, help="Threads of the correlator; default: all cores.")
         ] = None,
+        workers: Annotated[
+            int | None, typer.Option(min=1, help="Worker processes that track, instead of threads of this one.")
+        ] = None,
+        dask: Annotated[
+            str | None, typer.Option(metavar="ADDRESS", help="Track on a Dask cluster: its scheduler, tcp://host:8786.")
+        ] = None,
         report: Annotated[Path | None, typer.Option(help="Also write a report.html with figures here.")] = None,
     ) -> None:
         """Measure a run: DIC and 3D for every frame.
 
         Example: bscd measure calibration.h5 inflation.h5 -o result.h5
         """
+        if workers is not None and dask is not None:
+            raise typer.BadParameter("give either --workers or --dask")
         if out.exists():
             raise InputError(f"{out}: exists already; results are never overwritten, choose another name")
         check_report_folder(report)
@@ -78,9 +89,20 @@ def register(app: typer.Typer) -> None:
             warnings.append(text)
             _warn(text)
 
-        with RunFile(run) as source, following("Measuring", "frames") as progress:
+        with (
+            RunFile(run) as source,
+            _pool(workers, dask, threads) as pool,
+            following("Measuring", "frames") as progress,
+        ):
             header = measure_to_file(
-                loaded, source, out, settings, calibration_name=calibration.name, progress=progress, warn=warn
+                loaded,
+                source,
+                out,
+                settings,
+                calibration_name=calibration.name,
+                progress=progress,
+                warn=warn,
+                pool=pool,
             )
         with ResultsFile(out) as results:
             counts = count_points(results.frames())
@@ -90,6 +112,16 @@ def register(app: typer.Typer) -> None:
             with RunFile(run) as source:
                 page = report_measurement(loaded, source, out, settings, report, warnings=warnings, warn=_warn)
             typer.echo(f"{page}")
+
+
+@contextmanager
+def _pool(workers: int | None, dask: str | None, threads: int | None) -> Iterator[Pool | None]:
+    """The workers that were asked for; None: none."""
+    if workers is None and dask is None:
+        yield None
+        return
+    with LocalPool(workers, threads=threads) if workers is not None else DaskPool(str(dask)) as pool:
+        yield pool
 
 
 def _warn(text: str) -> None:

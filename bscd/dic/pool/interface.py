@@ -40,8 +40,10 @@ class LentImage(Protocol):
 class Pool(Protocol):
     """Workers for functions of modules, with arguments that can be pickled. A context manager, which closes it.
 
-    A worker that is lost costs time, not data: its task is tried once more.
+    A worker that is lost costs time, not data: its task is tried once more. ``threads`` is how many a task should use.
     """
+
+    threads: int
 
     def lend(self, image: NDArray[Any]) -> LentImage:
         """Make an image ``(H, W)`` readable for tasks."""

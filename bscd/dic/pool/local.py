@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import queue
+import subprocess
+import sys
 import threading
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
 from pickle import HIGHEST_PROTOCOL, dumps, loads
 from types import TracebackType
 from typing import Any, Self
@@ -20,7 +22,6 @@ from numpy.typing import NDArray
 
 from bscd.dic.pool.interface import TASK_TIMEOUT_S, PoolClosedError, Result, WorkerLostError
 from bscd.dic.pool.shared import SharedImage
-from bscd.dic.pool.worker import serve
 from bscd.dic.solver import usable_cores
 from bscd.errors import InputError
 
@@ -108,7 +109,7 @@ class _Worker:
         self._settings = (threads, nice)
         self._timeout_s, self._closing = timeout_s, closing
         self._tasks: queue.Queue[_Task] = queue.Queue(_WAITING)
-        self.restarts = self._process_id = 0
+        self.restarts = 0
         self._process, self._pipe = self._started()
         self._thread = threading.Thread(target=self._run, name="pool", daemon=True)
         self._thread.start()
@@ -116,7 +117,7 @@ class _Worker:
     @property
     def process_id(self) -> int:
         """Of the process as it runs now."""
-        return self._process_id
+        return self._process.pid
 
     def put(self, task: _Task) -> None:
         waited_s = 0.0
@@ -132,13 +133,18 @@ class _Worker:
     def join(self) -> None:
         self._thread.join()
 
-    def _started(self) -> tuple[SpawnProcess, Connection]:
-        context = get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, *self._settings), name="bscd worker", daemon=True)
-        process.start()
+    def _started(self) -> tuple[subprocess.Popen[bytes], Connection]:
+        """A process that knows nothing of this one's main module, and that the terminal's Ctrl-C does not reach."""
+        ours, theirs = Pipe()
+        given = (theirs.fileno(), *self._settings)
+        process = subprocess.Popen(  # noqa: S603 - ourselves
+            [sys.executable, "-P", "-m", "bscd.dic.pool.worker", *map(str, given)],
+            stdin=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
+            process_group=0,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+        )
         theirs.close()
-        self._process_id = process.pid or 0
         return process, ours
 
     def _run(self) -> None:
@@ -183,11 +189,11 @@ class _Worker:
 
     def _end(self) -> None:
         self._pipe.close()
-        self._process.join(_GRACE_S)
-        if self._process.is_alive():
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.join(_END_S)
-        self._process.close()
+            self._process.wait(_END_S)
 
 
 def _settle(future: Future[Any], *, value: Any = None, error: BaseException | None = None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import sys
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -41,3 +42,7 @@ def _failure(error: Exception) -> bytes:
         words: Any = RuntimeError(f"{type(error).__name__}: {error}")
         return pickle.dumps((False, words), pickle.HIGHEST_PROTOCOL)
     return told
+
+
+if __name__ == "__main__":
+    serve(Connection(int(sys.argv[1])), threads=int(sys.argv[2]), nice=int(sys.argv[3]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -15,7 +15,7 @@ Item = TypeVar("Item")
 _END: Any = object()
 
 
-def one_ahead(items: Iterator[Item]) -> Iterator[Item]:
+def one_ahead(items: Iterator[Item]) -> Generator[Item]:
     """The items in their order; the next one is made on a thread of its own while one is worked on.
 
     What fails there is raised where the item would have been taken. No more than one item waits; leaving early waits

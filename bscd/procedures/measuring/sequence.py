@@ -14,7 +14,8 @@ from bscd.calibration import ImageCovariances, Located
 from bscd.dic import Status
 from bscd.dic.solver import usable_cores
 from bscd.dic.stereo import match_views
-from bscd.dic.tracking import Tracked, Tracker, TrackingSettings, at_rest
+from bscd.dic.tracker_state import Tracked, TrackerState, at_rest
+from bscd.dic.tracking import Tracker, TrackingSettings
 from bscd.procedures.measuring.geometry import PairGeometry
 from bscd.procedures.measuring.settings import MeasureSettings
 from bscd.procedures.measuring.uncertainty import Uncertainty
@@ -93,7 +94,7 @@ class Sequence:
             threads=settings.threads,
         )
         self._right_px = points_px + self.stereo.displacement_px
-        tracking = TrackingSettings(
+        self.tracking = TrackingSettings(
             subset_px=settings.subset_px,
             shape=settings.tracking_shape,
             lighting=settings.lighting,
@@ -102,8 +103,8 @@ class Sequence:
             threads=(self._threads + 1) // 2,
         )
         self._usable = self.stereo.valid
-        self._left = Tracker(reference.left, points_px[self._usable], tracking)
-        self._right = Tracker(reference.right, self._right_px[self._usable], tracking)
+        self._left = Tracker(reference.left, points_px[self._usable], self.tracking)
+        self._right = Tracker(reference.right, self._right_px[self._usable], self.tracking)
         self._stereo = self.stereo.only(self._usable)
         self._located = geometry.locate(points_px[self._usable], self._right_px[self._usable])
         self._uncertainty = Uncertainty(
@@ -116,7 +117,14 @@ class Sequence:
 
     def measure(self, frame: FrameViews) -> Measured:
         """The next frame."""
-        left, right = self._tracked(frame)
+        return self.combine(*self._tracked(frame))
+
+    def starts(self) -> tuple[TrackerState, TrackerState]:
+        """Left and right tracker, from which others may track the frames and hand them to `combine`."""
+        return self._left.state(), self._right.state()
+
+    def combine(self, left: Tracked, right: Tracked) -> Measured:
+        """The next frame, of which both views were tracked."""
         located = self._geometry.locate(left.position_px, right.position_px)
         return self._measured(left, right, located, self._uncertainty.of_frame(left, right))
 

@@ -8,7 +8,7 @@ from bscd.arrays import FloatArray
 from bscd.calibration import ImageCovariances
 from bscd.dic import Correlation
 from bscd.dic.curvature import Curvature
-from bscd.dic.tracking import Tracked
+from bscd.dic.tracker_state import Tracked
 
 
 class Uncertainty:

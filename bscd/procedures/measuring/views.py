@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bscd.acquisition import FrameRecord
 from bscd.arrays import BoolArray
 from bscd.calibration import Calibration
 from bscd.dic import PreparedImage, prepare
@@ -15,6 +16,12 @@ from bscd.procedures.measuring.glare import glare
 
 #: Columns on either side of the split line that show neither view alone.
 _BLEND_PX = 4
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+FrameImages = tuple[NDArray[Any], ...]
+"""A frame's images ``(H, W)``: the primary camera's, and the auxiliary one's with it for the standard pair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +33,21 @@ class FrameViews:
 
 
 class BiprismSplitter:
-    """Takes the halves of the biprism's images as views; both keep the sensor's pixel coordinates."""
+    """Takes the halves of the biprism's images as views; both keep the sensor's pixel coordinates.
 
-    def __init__(self, calibration: Calibration, shape: tuple[int, int], subset_px: int) -> None:
+    ``split_px`` is the column between them; it is pickled without its masks.
+    """
+
+    def __init__(self, split_px: float, shape: tuple[int, int], subset_px: int) -> None:
+        self._made_from = (split_px, shape, subset_px)
+        columns = np.broadcast_to(np.arange(shape[1]), shape)
+        self.left_mask: BoolArray = np.ascontiguousarray(columns <= split_px - _BLEND_PX)
+        self._right = np.ascontiguousarray(columns >= split_px + _BLEND_PX).view(np.uint8)
+        self._subset_px = subset_px
+
+    @classmethod
+    def of(cls, calibration: Calibration, shape: tuple[int, int], subset_px: int) -> BiprismSplitter:
+        """For a calibration's rig; raises `InputError` where its images are of another shape ``(H, W)``."""
         control = calibration.control
         left_end, right_start = float(control.left_px[:, 0].max()), float(control.right_px[:, 0].min())
         height, width = shape
@@ -40,11 +59,11 @@ class BiprismSplitter:
                 f"{control.left_px[:, 1].max():.0f}, the run's images are {width} x {height} px; "
                 f"use the calibration of this camera and image size"
             )
-        split = (left_end + right_start) / 2.0
-        columns = np.broadcast_to(np.arange(width), shape)
-        self.left_mask: BoolArray = np.ascontiguousarray(columns <= split - _BLEND_PX)
-        self._right = np.ascontiguousarray(columns >= split + _BLEND_PX).view(np.uint8)
-        self._subset_px = subset_px
+        return cls((left_end + right_start) / 2.0, shape, subset_px)
+
+    def __reduce__(self) -> tuple[type[BiprismSplitter], tuple[float, tuple[int, int], int]]:
+        """What it was made from."""
+        return BiprismSplitter, self._made_from
 
     def views(self, image: np.ndarray) -> FrameViews:
         """Both halves ``(H, W)`` share one set of spline coefficients; glare is left out."""
@@ -59,11 +78,28 @@ def _without(view: PreparedImage, spoilt: BoolArray) -> PreparedImage:
     return replace(view, mask=mask.view(np.uint8))
 
 
-def pair_views(primary: FrameRecord, auxiliary: FrameRecord, subset_px: int) -> FrameViews:
-    """The standard pair's images; glare is left out."""
-    views = []
-    for frame in (primary, auxiliary):
-        image = np.asarray(frame.data, np.float32)
-        view, spoilt = prepare(image, subset_px=subset_px), glare(image, subset_px)
-        views.append(view if spoilt is None else _without(view, spoilt))
-    return FrameViews(*views)
+def pair_view(image: np.ndarray, subset_px: int) -> PreparedImage:
+    """An image of the standard pair; glare is left out."""
+    view, spoilt = prepare(image, subset_px=subset_px), glare(image, subset_px)
+    return view if spoilt is None else _without(view, spoilt)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSource:
+    """Makes views of frames' images, also in another process: by the splitter, or of a pair's (None)."""
+
+    splitter: BiprismSplitter | None
+    subset_px: int
+
+    def views(self, images: FrameImages) -> FrameViews:
+        """Both views."""
+        taken = [np.asarray(image, np.float32) for image in images]
+        if self.splitter is not None:
+            return self.splitter.views(taken[0])
+        return FrameViews(*(pair_view(image, self.subset_px) for image in taken))
+
+    def view(self, side: Side, images: FrameImages) -> PreparedImage:
+        """One of them, as `views` makes it."""
+        if self.splitter is not None:
+            return getattr(self.views(images), side)
+        return pair_view(np.asarray(images[SIDES.index(side)], np.float32), self.subset_px)
