@@ -39,11 +39,12 @@ _TABLE_DTYPE = np.dtype(
 class RunFile(RecordedFile):
     """A run file, finished or still being written (then it shows what is there at each call).
 
-    Raises `InputError` when the file is missing, is no run file, is cut off or damaged.
+    ``crashed`` says that no writer will come back. Raises `InputError` when the file is missing, is no run file, is cut
+    off or damaged.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        super().__init__(path, RUN_FILE)
+    def __init__(self, path: str | os.PathLike[str], *, crashed: bool = False) -> None:
+        super().__init__(path, RUN_FILE, crashed=crashed)
 
     def _read_header(self) -> None:
         self.header: RunHeader = read_header(self._file)

@@ -42,7 +42,7 @@ def recover_in_place(path: str | os.PathLike[str]) -> Recovery:
     flushed. Raises `InputError` for a file that is being written, is no run file or may not be changed.
     """
     where = Path(path)
-    with RunFile(where):  # whether it is a run file at all
+    with RunFile(where, crashed=True):  # whether it is a run file at all
         pass
     if writer := _writer_of(where):
         raise InputError(f"{where} is being written by process {writer}; stop the recording there first")
@@ -58,7 +58,7 @@ def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> 
     `InputError` when ``copy`` exists or the run can not be opened at all.
     """
     damage: list[str] = []
-    with RunFile(path) as run:
+    with RunFile(path, crashed=True) as run:
         header = run.header
         with RunWriter(
             copy,

@@ -13,7 +13,15 @@ import h5py
 from bscd.errors import BscdError, InputError
 from bscd.hdf5.kind import ENTRY, FileKind
 from bscd.hdf5.nodes import dataset_at, text_at
-from bscd.hdf5.superblock import FLAGS, OPEN_FOR_WRITE, SIGNATURE, VERSION, clear_open_mark
+from bscd.hdf5.superblock import (
+    FLAGS,
+    OPEN_FOR_WRITE,
+    SIGNATURE,
+    VERSION,
+    ClearedFile,
+    clear_open_mark,
+    require_whole,
+)
 
 #: HDF5 1.10's format: the oldest that has SWMR, readable by every tool of today.
 _LIBVER = ("v110", "v110")
@@ -43,11 +51,18 @@ def open_to_continue(path: Path, kind: FileKind) -> h5py.File:
     return _checked(file, path, kind)
 
 
-def open_to_read(path: Path, kind: FileKind) -> h5py.File:
-    """An existing file, finished, being written, or left by a writer that crashed."""
+def open_cleared(path: Path, kind: FileKind) -> ClearedFile:
+    """What a killed writer left, without its mark, for `open_to_read`; to be closed after the file."""
+    _superblock(path, kind)
+    with damage_reported(path, kind, "reading its first bytes"):
+        return ClearedFile(path)
+
+
+def open_to_read(path: Path, kind: FileKind, cleared: ClearedFile | None = None) -> h5py.File:
+    """An existing file, finished, being written, or left by a writer that crashed (then also from `open_cleared`)."""
     left_open = _superblock(path, kind)[FLAGS] & OPEN_FOR_WRITE
     try:
-        file = h5py.File(path, "r", swmr=bool(left_open))
+        file = h5py.File(cleared, "r") if cleared else h5py.File(path, "r", swmr=bool(left_open))
     except OSError as err:
         raise _explained(path, kind, err) from err
     return _checked(file, path, kind)
@@ -105,13 +120,16 @@ def _superblock(path: Path, kind: FileKind) -> bytes:
         raise InputError(f"{path} is a folder, not a {kind.name}; {kind.for_folder.format(path=path)}")
     try:
         with path.open("rb") as file:
-            head = file.read(FLAGS + 1)
+            head = file.read(64)
     except FileNotFoundError as err:
         raise InputError(f"{path} does not exist; check the name") from err
     except OSError as err:
         raise _explained(path, kind, err) from err
     if not head.startswith(SIGNATURE) or len(head) <= FLAGS:
         raise InputError(f"{path} is not an HDF5 file; give {kind.source}")
+    if head[VERSION] >= 3:
+        with damage_reported(path, kind, "reading its first bytes"):
+            require_whole(head)
     # before version 3 the byte means something else
     return head if head[VERSION] >= 3 else head[:FLAGS] + b"\0"
 

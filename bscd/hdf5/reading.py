@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Self
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bscd.hdf5.building import FileIdentity
 from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
 from bscd.hdf5.nodes import dataset_at, text_at
-from bscd.hdf5.opening import damage_reported, open_to_read
+from bscd.hdf5.opening import damage_reported, open_cleared, open_to_read
 from bscd.hdf5.states import FileState
 
 _RECOVERED = "its writer was killed; recovered"
@@ -33,20 +33,21 @@ def read_identity(file: h5py.File) -> FileIdentity:
 class RecordedFile:
     """A file of a kind; while it is written it shows what is there at each call. A context manager.
 
-    Raises `InputError` when the file is missing, is of no or another kind, is cut off or damaged.
+    With ``crashed`` it is known that no writer will come back: damage is then told at once, where HDF5 otherwise waits
+    for the writer to repair it. Raises `InputError` when the file is missing, is of no or another kind, is cut off or
+    damaged.
     """
 
-    def __init__(self, path: str | os.PathLike[str], kind: FileKind) -> None:
+    def __init__(self, path: str | os.PathLike[str], kind: FileKind, *, crashed: bool = False) -> None:
         self.path = Path(path)
         self._kind = kind
-        self._file = open_to_read(self.path, kind)
-        try:
+        with ExitStack() as opened:
+            cleared = opened.enter_context(open_cleared(self.path, kind)) if crashed else None
+            self._file = opened.enter_context(open_to_read(self.path, kind, cleared))
             self._read_state()
             with self._reading("reading its header"):
                 self._read_header()
-        except BaseException:
-            self._file.close()
-            raise
+            self._opened = opened.pop_all()
 
     def _read_header(self) -> None:
         """Read what is fixed when the file is made; for the kinds to fill in."""
@@ -78,7 +79,7 @@ class RecordedFile:
 
     def close(self) -> None:
         """Close the file; may be called twice."""
-        self._file.close()
+        self._opened.close()
 
     def __enter__(self) -> Self:
         """The file itself; it is open since it was made."""

@@ -6,9 +6,11 @@ HDF5 file format specification, section II.A (superblock versions 2 and 3). What
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 from pathlib import Path
+from typing import Any
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 VERSION, FLAGS = 8, 11
@@ -26,22 +28,78 @@ def clear_open_mark(path: Path) -> bool:
     when the file can not be written and `ValueError` when its superblock is damaged or of another version.
     """
     with path.open("r+b") as file:
-        head = bytearray(file.read(_SIZE))
-        if len(head) < _SIZE or not head.startswith(SIGNATURE) or head[VERSION] != 3 or head[9:11] != b"\x08\x08":
-            raise ValueError("its first bytes are not those of a file that was written so")
-        if struct.unpack_from("<I", head, _CHECKSUM)[0] != lookup3(bytes(head[:_CHECKSUM])):
-            raise ValueError("its first bytes do not match their checksum")
-        if not head[FLAGS]:
+        head = file.read(_SIZE)
+        cleared = _cleared(head, os.fstat(file.fileno()).st_size)
+        if cleared == head:
             return False
-        head[FLAGS] = 0
-        end = struct.unpack_from("<Q", head, _END_OF_FILE)[0]
-        struct.pack_into("<Q", head, _END_OF_FILE, max(end, os.fstat(file.fileno()).st_size))
-        struct.pack_into("<I", head, _CHECKSUM, lookup3(bytes(head[:_CHECKSUM])))
         file.seek(0)
-        file.write(head)
+        file.write(cleared)
         file.flush()
         os.fsync(file.fileno())
     return True
+
+
+def require_whole(head: bytes) -> None:
+    """Raise `ValueError` when the superblock (its first bytes, 48 or more) does not match its checksum.
+
+    HDF5 itself does not give up on one in SWMR mode: it waits for a writer to set it right.
+    """
+    if len(head) < _SIZE or head[9:11] != b"\x08\x08":
+        raise ValueError("its first bytes are not those of a file that was written so")
+    if struct.unpack_from("<I", head, _CHECKSUM)[0] != lookup3(head[:_CHECKSUM]):
+        raise ValueError("its first bytes do not match their checksum")
+
+
+def _cleared(head: bytes, size: int) -> bytes:
+    """A superblock without the mark of a writer."""
+    if head[VERSION : VERSION + 1] != b"\x03":
+        raise ValueError("its first bytes are not those of a file that was written so")
+    require_whole(head)
+    if not head[FLAGS]:
+        return head
+    cleared = bytearray(head)
+    cleared[FLAGS] = 0
+    end = struct.unpack_from("<Q", head, _END_OF_FILE)[0]
+    struct.pack_into("<Q", cleared, _END_OF_FILE, max(end, size))
+    struct.pack_into("<I", cleared, _CHECKSUM, lookup3(bytes(cleared[:_CHECKSUM])))
+    return bytes(cleared)
+
+
+class ClearedFile(io.RawIOBase):
+    """A file as `clear_open_mark` would leave it, to be read; the file itself is not changed.
+
+    So HDF5 reads what a crash left without SWMR, and tells damage instead of waiting for a writer to repair it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb", buffering=0)
+        try:
+            self._head = _cleared(self._file.read(_SIZE), os.fstat(self._file.fileno()).st_size)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Fill the buffer from where the file stands; how many bytes there were."""
+        view, start, count = memoryview(buffer).cast("B"), self._file.tell(), 0
+        while count < len(view) and (got := self._file.readinto(view[count:])):
+            count += got
+        replaced = self._head[start : start + count] if start < _SIZE else b""
+        view[: len(replaced)] = replaced
+        return count
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
+        """Go to a place in the file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Where the file stands."""
+        return self._file.tell()
+
+    def close(self) -> None:
+        """Close the file; may be called twice."""
+        self._file.close()
+        super().close()
 
 
 def lookup3(data: bytes) -> int:
