@@ -51,6 +51,7 @@ class GigeEmulator:
         self._exposures: Exposures | None = None
         self._added = False
         self._last_start_ns = 0
+        self._last_port = 0
         self._lost_ratio = 0.0
 
     @property
@@ -201,7 +202,8 @@ class GigeEmulator:
             return now_ns
         period_ns = 1000 * fake.read(at.FRAME_PERIOD_US)
         start_ns = now_ns - now_ns % period_ns
-        if now_ns - self._last_start_ns > 2 * period_ns:
+        port, self._last_port = self._last_port, fake.read(at.STREAM_PORT)
+        if port != self._last_port or now_ns - self._last_start_ns > 2 * period_ns:
             start_ns += period_ns
             self._wait_until(start_ns)
         self._last_start_ns = start_ns

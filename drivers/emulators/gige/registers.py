@@ -5,6 +5,8 @@ from __future__ import annotations
 # GigE Vision bootstrap registers
 VENDOR, MODEL, VERSION = 0x48, 0x68, 0x88
 TEXT_BYTES = 32
+STREAM_PORT = 0xD00
+"""Where frames are sent to; another for each stream of a client."""
 
 # read by the fake camera itself
 WIDTH, HEIGHT = 0x100, 0x104
