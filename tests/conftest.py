@@ -7,6 +7,13 @@ from pathlib import Path
 
 import pytest
 
+# here, since tests beside the drivers' inherit them too and may be collected first
+pytest.register_assert_rewrite(
+    "tests.drivers.contract.axis_contract",
+    "tests.drivers.contract.camera_contract",
+    "tests.drivers.contract.pressure_contract",
+)
+
 ROOT = Path(__file__).resolve().parents[1]
 
 

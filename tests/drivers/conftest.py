@@ -5,12 +5,6 @@ from tests.drivers.own_network import pytest_runtest_protocol
 
 __all__ = ["pytest_runtest_protocol"]
 
-pytest.register_assert_rewrite(
-    "tests.drivers.contract.axis_contract",
-    "tests.drivers.contract.camera_contract",
-    "tests.drivers.contract.pressure_contract",
-)
-
 
 class _Child:
     """What the child does beside testing: switches its network on and hands its reports over."""
