@@ -157,6 +157,8 @@ class TcpLine(_Line):
             client, _ = server.accept()
         except OSError:  # it left before it was let in
             return
+        for gone in [other for other in self._clients if _has_hung_up(other)]:
+            self._drop(gone)  # it left just before this one came
         if len(self._clients) >= self._most:
             client.close()
             return
@@ -176,6 +178,10 @@ class TcpLine(_Line):
             return
         except OSError:  # reset by the client: it is gone, as at the end of its stream
             pass
+        if client in self._clients:
+            self._drop(client)
+
+    def _drop(self, client: socket.socket) -> None:
         self._selector.unregister(client)
         self._clients.discard(client)
         client.close()
@@ -244,3 +250,12 @@ def open_line(
     if transport == "pty":
         return PtyLine(open_session, faults)
     return TcpLine(open_session, faults, port=port, clients=clients)
+
+
+def _has_hung_up(client: socket.socket) -> bool:
+    try:
+        return client.recv(1, socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True

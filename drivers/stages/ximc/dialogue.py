@@ -140,6 +140,6 @@ class Dialogue:
             more = self._require_line().read(deadline_s - time.monotonic())
             came += more
             if not more and time.monotonic() >= deadline_s:
-                if came:
+                if came.strip(b"\0"):
                     raise BadAnswerError(f"it says things that make no sense, for {self._timeout_s:g} s")
                 raise NoAnswerError(f"no answer within {self._timeout_s:g} s")

@@ -89,7 +89,7 @@ class ZaberController:
 
     def _leave(self) -> None:
         if self._dialogue is not None:
-            leave(self._options.port, self._dialogue)
+            leave(self._dialogue)
             self._dialogue = None
 
     def _ask(self, command: str, *, axis: int | None = None, unchecked: bool = False) -> Reply:

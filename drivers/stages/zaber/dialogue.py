@@ -28,7 +28,9 @@ LONGEST_LINE = 1024
 class Dialogue:
     """Safe to use from any thread; every message may be repeated, and is once when its reply fails to come."""
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, port: str, line: Line) -> None:
+        self.port = port
+        """The port's own name: a link to it is gone when it is unplugged."""
         self.users = 0
         self._lock = threading.Lock()
         self._line: Line | None = line
@@ -106,19 +108,20 @@ def join(port: str, *, baud: int, timeout_s: float) -> Dialogue:
     with _joining:
         dialogue = _dialogues.get(key)
         if dialogue is None or dialogue.lost:
-            dialogue = _dialogues[key] = Dialogue(open_line(port, baud=baud, stop_bits=1, timeout_s=timeout_s))
+            dialogue = Dialogue(key, open_line(port, baud=baud, stop_bits=1, timeout_s=timeout_s))
+            _dialogues[key] = dialogue
         dialogue.users += 1
         return dialogue
 
 
-def leave(port: str, dialogue: Dialogue) -> None:
+def leave(dialogue: Dialogue) -> None:
     """Take one user off a dialogue; the last one closes it."""
     with _joining:
         dialogue.users -= 1
         if dialogue.users == 0:
             dialogue.close()
-            if _dialogues.get(_key(port)) is dialogue:
-                del _dialogues[_key(port)]
+            if _dialogues.get(dialogue.port) is dialogue:
+                del _dialogues[dialogue.port]
 
 
 def _key(port: str) -> str:

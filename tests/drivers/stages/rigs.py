@@ -17,7 +17,7 @@ from drivers.stages.ximc.entries import AXIS as XIMC
 from drivers.stages.zaber.entries import AXIS as ZABER
 from tests.drivers.simulated.tiny_world import TinyWorld
 
-SPEED = 20.0
+SPEED = 10.0
 ACCELERATION = 160.0
 HOMING_SPEED = 400.0
 STEPS_PER_UNIT = {"mm": 400.0, "deg": 100.0}
@@ -76,6 +76,7 @@ def ximc_options(unit: str, port: str, **options: Any) -> dict[str, Any]:
         "limits": LIMITS[unit],
         "speed": SPEED,
         "acceleration": ACCELERATION,
+        "answer_timeout_s": 2.0,
         "steps_per_unit": STEPS_PER_UNIT[unit],
         "homing": {"fast_speed": HOMING_SPEED, "slow_speed": 20.0},
         **options,
@@ -98,6 +99,7 @@ def zaber_options(unit: str, port: str, **options: Any) -> dict[str, Any]:
         "limits": LIMITS[unit],
         "speed": SPEED,
         "acceleration": ACCELERATION,
+        "answer_timeout_s": 2.0,
         "microsteps_per_unit": MICROSTEPS_PER_UNIT[unit],
         "homing_speed": HOMING_SPEED,
         **options,

@@ -104,8 +104,8 @@ def test_reads_what_the_driver_has_set(emulator, vendor):
     assert position(vendor) == (800, 5)
     assert HOMED in vendor.get_status().Flags
     motion, engine, home = vendor.get_move_settings(), vendor.get_engine_settings(), vendor.get_home_settings()
-    assert (motion.Speed, motion.uSpeed, motion.Accel, motion.Decel) == (8000, 0, 64000, 64000)
-    assert motion.AntiplaySpeed == 4000
+    assert (motion.Speed, motion.uSpeed, motion.Accel, motion.Decel) == (4000, 0, 64000, 64000)
+    assert motion.AntiplaySpeed == 2000
     assert engine.MicrostepMode == ximc.MicrostepMode.MICROSTEP_MODE_FRAC_32
     assert engine.Antiplay == 20
     assert ximc.EngineFlags.ENGINE_ANTIPLAY in engine.EngineFlags

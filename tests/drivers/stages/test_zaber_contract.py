@@ -30,7 +30,7 @@ class OnAnEmulator(AxisContract):
 class TestTranslationOverSerial(OnAnEmulator):
     @pytest.fixture
     def places(self):
-        return (3.0, 11.0, 10.0)
+        return (1.0, 7.0, 6.5)
 
 
 class TestRotationOverTcp(OnAnEmulator):
@@ -39,7 +39,7 @@ class TestRotationOverTcp(OnAnEmulator):
 
     @pytest.fixture
     def places(self):
-        return (-3.0, 5.0, 4.0)
+        return (-2.0, 4.0, 3.5)
 
 
 if "BSCD_REAL_ZABER" in os.environ:

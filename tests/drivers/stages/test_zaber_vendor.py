@@ -13,6 +13,7 @@ from tests.drivers.contract.outcome import Outcome
 from tests.drivers.stages.rigs import MICROSTEPS_PER_UNIT, serving, simulated, zaber_axis
 
 PER_MM = MICROSTEPS_PER_UNIT["mm"]
+on_both_lines = pytest.mark.parametrize("emulator", ["pty", "tcp"], indirect=True)
 
 
 @pytest.fixture
@@ -20,9 +21,9 @@ def stages():
     return [(simulated(unit, MICROSTEPS_PER_UNIT[unit]), MICROSTEPS_PER_UNIT[unit]) for unit in ("mm", "deg")]
 
 
-@pytest.fixture(params=["pty", "tcp"])
+@pytest.fixture
 def emulator(request, stages):
-    with serving(ZaberEmulator(stages, transport=request.param)) as emulator:
+    with serving(ZaberEmulator(stages, transport=getattr(request, "param", "tcp"))) as emulator:
         yield emulator
 
 
@@ -33,6 +34,7 @@ def open_vendor(emulator) -> Connection:
     return Connection.open_serial_port(emulator.address)
 
 
+@on_both_lines
 def test_homes_moves_and_reads_two_devices(emulator, stages):
     with open_vendor(emulator) as connection:
         assert [device.device_address for device in connection.detect_devices(identify_devices=False)] == [1, 2]
@@ -95,6 +97,7 @@ def test_reads_what_the_driver_has_set(emulator):
         assert device.generic_command("get comm.checksum").data == "1"
 
 
+@on_both_lines
 def test_the_driver_goes_on_where_the_maker_left_off(emulator):
     with open_vendor(emulator) as connection:
         axis = connection.get_device(1).get_axis(1)
@@ -107,6 +110,7 @@ def test_the_driver_goes_on_where_the_maker_left_off(emulator):
     axis.close()
 
 
+@on_both_lines
 def test_two_axes_share_a_line(emulator, stages):
     axes = [zaber_axis(unit, emulator.address, address=place) for place, unit in enumerate(("mm", "deg"), start=1)]
     for axis in axes:
@@ -124,6 +128,7 @@ def test_two_axes_share_a_line(emulator, stages):
         axis.close()
 
 
+@on_both_lines
 def test_another_program_has_the_line(emulator):
     axis = zaber_axis("mm", emulator.address)
     with open_vendor(emulator) as connection:
