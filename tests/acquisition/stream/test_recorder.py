@@ -1,8 +1,8 @@
 """The recorder: every frame in the file or in the account, whatever the disk does."""
 
 import os
-import shutil
 import re
+import shutil
 import threading
 import time
 from types import SimpleNamespace
