@@ -171,6 +171,11 @@ class RunWriter:
         return self.header.uuid
 
     @property
+    def is_open(self) -> bool:
+        """Whether it can still be written: neither ended nor given up."""
+        return not self._left and self._growing.is_open
+
+    @property
     def frames_written(self) -> int:
         """Frames appended so far, over all cameras, earlier recordings of this run among them."""
         return len(self._digests)
@@ -269,7 +274,7 @@ class RunWriter:
         self._left = True
 
     def _end(self, state: FileState, reason: str) -> None:
-        if self._left or not self._growing.is_open:
+        if not self.is_open:
             return
         self.flush()
         with self._growing.writing("closing it"):
@@ -293,5 +298,5 @@ class RunWriter:
             self.interrupt(str(error) or type(error).__name__)
 
     def _check_open(self) -> None:
-        if not self._growing.is_open:
+        if not self.is_open:
             raise BscdError(f"{self.path}: the run has ended; begin a new one or reopen it")

@@ -71,11 +71,15 @@ class TestInflation:
             assert "radius_mm" in run.config_text
             assert InflationRecipe.model_validate_json(run.recipe_text) == QUICK
             assert run.header.pressure.noise_kpa == 0.005
-            assert len(run.pressure_log()[0]) == 26
+            assert len(run.pressure_log()[0]) == 27  # one before the first frame, to interpolate
+            assert (run.frames_acquired, run.losses) == (26, ())
+            assert run.time_base.uncertainty_s < 0.002
+            assert (table["y_mm"] == 0.0).all()
+            assert (table["rotation_deg"] == 45.0).all()
         assert np.allclose(table["time_s"], np.arange(26) / 11.0, atol=1e-6)
         assert (table["jack_mm"] == 70.0).all()
         assert (table["exposure_s"] == 0.02).all()
-        # of the middle of the exposure, but for the readout that no driver tells: 10 ms of 8 kPa/s
+        # of the middle of the exposure, but for the readout: 10 ms where half of 3 ms is assumed, at 8 kPa/s
         truth = np.array([kpa for _, kpa in seen[:26]])
         assert np.abs(table["pressure_kpa"] - truth).max() < 0.1
         assert np.abs(truth[:4] - 0.05).max() < 1e-4
@@ -103,9 +107,11 @@ class TestInflation:
             assert sorted(gaps[gaps > 1]) == [3]  # the last of all was lost too, and no later one shows it
             assert np.allclose(table["time_s"], (table["frame_id"] - table["frame_id"][0]) / 11.0, atol=1e-6)
             assert [event.text for event in run.events] == [
-                f"2 frames lost before frame id {table['frame_id'][6]}",
-                "1 frame lost at the end",
+                f"2 frames lost before frame id {table['frame_id'][6]}: lost between camera and host",
+                "1 frame lost at the end: lost between camera and host",
             ]
+            assert run.frames_acquired == recipe.frame_count
+            assert [(loss.first, loss.count) for loss in run.losses] == [(6, 2), (recipe.frame_count - 1, 1)]
 
     @pytest.mark.parametrize("after", [0, 9])
     def test_it_vents_when_the_camera_fails(self, twin, tmp_path, after):
@@ -137,7 +143,7 @@ class TestInflation:
             if progress.done == 3:
                 twin.rig.pressure.faults.inject(Fault.NO_ANSWER)
 
-        with pytest.raises(NotVentedError, match=r"none came.*open the valve by hand"):
+        with pytest.raises(NotVentedError, match=r"reading the pressure.*open the valve by hand"):
             record_inflation(rig, QUICK, tmp_path / "i.h5", progress=silent)
         assert not twin.rig.primary.status().streaming
 

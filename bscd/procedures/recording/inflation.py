@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from bscd.acquisition import CameraMeta, FrameRecord, PressureMeta, RunWriter
-from bscd.errors import CheckFailedError, InputError
+from bscd.acquisition.stream import Follower, StreamSession
+from bscd.errors import InputError
+from bscd.procedures.dry_run import READOUT_RATE_PX_S
 from bscd.procedures.progress import Progress, ProgressCallback, require_going
+from bscd.procedures.recording.clocks import ClockFit
 from bscd.procedures.recording.ending import safe_ending
+from bscd.procedures.recording.frames import BY_CAMERA, Exposure, NumberedFrames, SnappedFrames, StreamedFrames
+from bscd.procedures.recording.pressure import PressureTrace, PressureWatch, come_to_rest
 from bscd.procedures.recording.recipes import InflationRecipe
 from bscd.procedures.recording.requirements import require_inflation
-from bscd.procedures.recording.result import Recording
+from bscd.procedures.recording.result import Ending, Recording
+from bscd.procedures.recording.storing import Storing
 from bscd.procedures.rig import Rig
-from bscd.procedures.taking import TIMEOUT_MARGIN_S, axes_of, send
-from drivers.interfaces import Frame, FrameStatus, PressureReading, PressureSource
+from bscd.procedures.taking import axes_of, send
+from drivers.clock import VirtualClock
+from drivers.errors import DeviceError
+from drivers.interfaces import FrameStatus, PressureSource
 
-#: Readings in a row that must be at rest, and the time between them.
-_AT_REST_READINGS = 5
-_BETWEEN_READINGS_S = 0.1
+#: Longest wait for a frame before the pressure and the operator are looked after again.
+_SLICE_S = 0.1
+
+#: The ramp stands still after so many frame times without a frame.
+_LONGEST_GAP_FRAMES = 4
+
+#: How long the disk may take for a frame in virtual time.
+_DISK_S = 60.0
 
 
 def record_inflation(
@@ -30,13 +43,16 @@ def record_inflation(
     *,
     title: str = "inflation",
     config_text: str = "",
+    storing: Storing | None = None,
+    followers: Sequence[Follower] = (),
     progress: ProgressCallback | None = None,
     stop: threading.Event | None = None,
 ) -> Recording:
     """Record an inflation into a new run file: each frame with the pressure in the middle of its exposure.
 
-    Frames are streamed at the recipe's rate. A frame that is lost on the way leaves its number out, and an event in
-    the file says so. However it ends the membrane is vented, the axes are at rest and the file is readable.
+    Frames are streamed at the recipe's rate through a ring; ``followers`` get them as well. Every exposure is in the
+    file or in its account of losses, with the reason. However it ends the membrane is vented, the axes are at rest and
+    the file is readable. In virtual time the computer counts as fast enough: the clock waits for the disk.
 
     Raises
     ------
@@ -45,99 +61,136 @@ def record_inflation(
     CheckFailedError
         The pressure did not come to rest.
     ProcedureStoppedError
-        ``stop`` was set; checked between frames.
+        ``stop`` was set; looked at with every frame, and ten times a second without.
+    BscdError
+        The disk is full, gone or failed; what was written before is in the file.
     NotVentedError
         The vent failed; the message says what ended the recording before.
     drivers.errors.DeviceError
-        A device failed.
+        A device failed, or the camera was silent or away for too long.
     """
-    path = Path(path)
+    path, storing = Path(path), storing or Storing()
     require_inflation(rig, recipe, path)
     source = rig.pressure
     if source is None:
         raise InputError("inflation: the rig has no pressure source; configure [devices.pressure]")
     info = source.info()
+    camera = CameraMeta.from_info(rig.primary.info())
     writer = RunWriter(
         path,
         title=title,
-        cameras={"primary": CameraMeta.from_info(rig.primary.info())},
+        cameras={"primary": camera},
         config_text=config_text,
         recipe_text=recipe.model_dump_json(),
         axes=axes_of(rig),
         pressure=PressureMeta(info.limits_kpa, info.noise_kpa, info.vendor, info.model, info.serial),
+        flush_every=max(1, round(storing.flush_s * recipe.frame_rate_hz)),
+        compression=storing.compression,
+        sync=storing.sync,
+        reserve_bytes=storing.reserve_bytes,
     )
     begun_s = rig.clock.now_s()
     report = progress or (lambda _: None)
-    with writer, safe_ending(rig):
+    with writer:
         require_going(stop, "inflation: before it began")
-        send(rig.jacks, rig.raised_mm, writer, "jack")
+        with StreamSession(writer, camera, slots=storing.ring_frames, followers=followers) as session:
+            with safe_ending(rig):
+                send(rig.jacks, rig.raised_mm, writer, "jack")
+                inflation = _Inflation(rig, recipe, source, session, report, stop)
+                ending = inflation.run()
+            if ending is Ending.COMPLETED:
+                session.ended(recipe.frame_count, BY_CAMERA)
+            else:
+                session.recorder.event(inflation.watch.reason)
+        frames = session.written
+    reason = inflation.watch.reason
+    duration_s = rig.clock.now_s() - begun_s
+    return Recording(path, frames, session.account.lost, inflation.incomplete, duration_s, ending, reason)
+
+
+class _Inflation:
+    """One inflation from rest to its ending; the caller vents."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        recipe: InflationRecipe,
+        source: PressureSource,
+        session: StreamSession,
+        report: ProgressCallback,
+        stop: threading.Event | None,
+    ) -> None:
+        self._rig = rig
+        self._recipe = recipe
+        self._source = source
+        self._session = session
+        self._report = report
+        self._stop = stop
+        self._trace = PressureTrace(source, session.recorder.log_pressure)
+        self.watch = PressureWatch(recipe, source.info().noise_kpa)
+        self.incomplete = 0
+        self._ramp_s = 0.0
+        self._raised_s: float | None = None
+
+    def run(self) -> Ending:
+        """Bring the pressure to rest, then record until something ends it."""
+        rig, recipe = self._rig, self._recipe
         rig.primary.configure(exposure_s=recipe.exposure_s, gain_db=recipe.gain_db, frame_rate_hz=recipe.frame_rate_hz)
-        source.set_pressure(recipe.rest_kpa)
-        _come_to_rest(rig, source, recipe)
-        before = source.read()
-        expected = lost = incomplete = 0
-        first_ns = ramp_begun_s = None
-        for number, frame in _streamed(rig, recipe):
-            require_going(stop, f"inflation: after frame {number}")
-            reading = source.read()
-            first_ns = frame.camera_time_ns if first_ns is None else first_ns
-            _write(rig, writer, frame, (frame.camera_time_ns - first_ns) * 1e-9, before, reading)
-            lost += _told(writer, number - expected, f"before frame id {frame.frame_id}")
-            incomplete += frame.status is not FrameStatus.OK
-            before, expected = reading, number + 1
-            if expected >= recipe.rest_frames:
-                ramp_begun_s = rig.clock.now_s() if ramp_begun_s is None else ramp_begun_s
-                source.set_pressure(recipe.set_point_kpa(rig.clock.now_s() - ramp_begun_s))
-            report(Progress(expected, recipe.frame_count, f"{reading.pressure_kpa:.2f} kPa"))
-        lost += _told(writer, recipe.frame_count - expected, "at the end")
-        frames = writer.frames_written
-    return Recording(path, frames, lost, incomplete, rig.clock.now_s() - begun_s)
+        self._source.set_pressure(recipe.rest_kpa)
+        come_to_rest(self._source, recipe, rig.clock)
+        camera, status = rig.primary.info(), rig.primary.status()
+        readout_s = camera.width_px * camera.height_px / READOUT_RATE_PX_S
+        self._clocks = ClockFit(status.exposure_s, recipe.readout_s, readout_s)
+        self._known: dict[str, Any] = {
+            "exposure_s": status.exposure_s,
+            "gain_db": status.gain_db,
+            "jack_mm": rig.jacks.status().position,
+            "y_mm": rig.translation.status().position - rig.origin_mm,
+            "rotation_deg": rig.rotation.status().position,
+        }
+        self._trace.read()
+        paced = StreamedFrames if recipe.pacing == "hardware" else SnappedFrames
+        try:
+            return self._follow(paced(rig.primary, rig.clock, recipe.frame_rate_hz, recipe.away_s))
+        finally:
+            self._session.time_base = self._clocks.result()
 
+    def _follow(self, frames: NumberedFrames) -> Ending:
+        """Take frames until all are there or the pressure ends it, and raise the pressure with them."""
+        count, first_ns = self._recipe.frame_count, None
+        while True:
+            exposure = frames.next(_SLICE_S)
+            done = self._session.account.acquired
+            require_going(self._stop, f"inflation: after frame {done - 1}")
+            self._session.require_writing()
+            if exposure is None or exposure.number >= count:
+                ending = self.watch.ending(self._trace.read())
+                if ending is not None or exposure is not None:
+                    return ending or Ending.COMPLETED
+                continue
+            first_ns = exposure.frame.camera_time_ns if first_ns is None else first_ns
+            ending = self._take(exposure, first_ns)
+            if ending is not None or exposure.number + 1 == count:
+                return ending or Ending.COMPLETED
+            self._raise_pressure(exposure.number)
 
-def _told(writer: RunWriter, lost: int, where: str) -> int:
-    """How many frames were lost, with an event in the file that says so."""
-    if lost:
-        writer.event(f"{lost} frame{'s' * (lost > 1)} lost {where}")
-    return lost
+    def _take(self, exposure: Exposure, first_ns: int) -> Ending | None:
+        """Publish a frame with its pressure; what the pressure ends the inflation with, if it does."""
+        frame, middle_ns = exposure.frame, self._clocks.middle_ns(exposure.frame)
+        try:
+            readings = self._trace.read()
+        except DeviceError:
+            self._publish(exposure, first_ns, middle_ns)
+            raise
+        self._publish(exposure, first_ns, middle_ns)
+        self.incomplete += frame.status is not FrameStatus.OK
+        told = f"{self._trace.latest_kpa:.2f} kPa"
+        self._report(Progress(exposure.number + 1, self._recipe.frame_count, told))
+        return self.watch.ending(readings)
 
-
-def _come_to_rest(rig: Rig, source: PressureSource, recipe: InflationRecipe) -> None:
-    """Let the pressure settle, then wait until it has been at rest for a few readings."""
-    rig.clock.sleep(recipe.rest_settle_s)
-    allowed_kpa = recipe.rest_tolerance_kpa + 3.0 * _known(source.info().noise_kpa)
-    end_s = rig.clock.now_s() + recipe.rest_timeout_s
-    at_rest = 0
-    while at_rest < _AT_REST_READINGS:
-        reading = source.read()
-        at_rest = at_rest + 1 if abs(reading.pressure_kpa - recipe.rest_kpa) <= allowed_kpa else 0
-        if not at_rest and rig.clock.now_s() >= end_s:
-            raise CheckFailedError(
-                f"inflation: the pressure is {reading.pressure_kpa:.3f} kPa after {recipe.rest_timeout_s:g} s, not "
-                f"{recipe.rest_kpa:g}; look for a leak, or allow more with rest_tolerance_kpa"
-            )
-        rig.clock.sleep(_BETWEEN_READINGS_S)
-
-
-def _streamed(rig: Rig, recipe: InflationRecipe) -> Iterator[tuple[int, Frame]]:
-    """The exposure's number from 0 and its frame, up to the recipe's last exposure."""
-    timeout_s = rig.primary.status().exposure_s + 1.0 / recipe.frame_rate_hz + TIMEOUT_MARGIN_S
-    rig.primary.start()
-    frame = rig.primary.read(timeout_s)
-    first = frame.frame_id - rig.primary.status().lost_frames
-    while (number := frame.frame_id - first) < recipe.frame_count:
-        yield number, frame
-        if number + 1 == recipe.frame_count:
-            return
-        frame = rig.primary.read(timeout_s)
-
-
-def _write(
-    rig: Rig, writer: RunWriter, frame: Frame, time_s: float, before: PressureReading, after: PressureReading
-) -> None:
-    status = rig.primary.status()
-    writer.log_pressure(after)
-    writer.append(
-        FrameRecord(
+    def _publish(self, exposure: Exposure, first_ns: int, middle_ns: int) -> None:
+        frame = exposure.frame
+        record = FrameRecord(
             camera="primary",
             phase="inflation",
             data=frame.data,
@@ -145,21 +198,19 @@ def _write(
             camera_time_ns=frame.camera_time_ns,
             host_time_ns=frame.host_time_ns,
             status=frame.status,
-            jack_mm=rig.jacks.status().position,
-            pressure_kpa=_between_kpa(frame.host_time_ns - round(status.exposure_s / 2.0 * 1e9), before, after),
-            exposure_s=status.exposure_s,
-            gain_db=status.gain_db,
-            time_s=time_s,
+            pressure_kpa=self._trace.at_kpa(middle_ns),
+            time_s=(frame.camera_time_ns - first_ns) * 1e-9,
+            **self._known,
         )
-    )
+        self._session.publish(exposure.number, record, exposure.reason)
+        if isinstance(self._rig.clock, VirtualClock):
+            self._session.recorder.wait_idle(_DISK_S)
 
-
-def _between_kpa(time_ns: int, before: PressureReading, after: PressureReading) -> float:
-    """The pressure at a time of the host's clock, linear between the readings around it."""
-    span_ns = after.host_time_ns - before.host_time_ns
-    share = min(max((time_ns - before.host_time_ns) / span_ns, 0.0), 1.0) if span_ns > 0 else 1.0
-    return before.pressure_kpa + share * (after.pressure_kpa - before.pressure_kpa)
-
-
-def _known(value: float) -> float:
-    return value if math.isfinite(value) else 0.0
+    def _raise_pressure(self, number: int) -> None:
+        """The set-point rises with the frames: it waits for a camera that is silent, and goes on from where it was."""
+        if number + 1 >= self._recipe.rest_frames:
+            now_s = self._rig.clock.now_s()
+            if self._raised_s is not None:
+                self._ramp_s += min(now_s - self._raised_s, _LONGEST_GAP_FRAMES / self._recipe.frame_rate_hz)
+            self._raised_s = now_s
+            self._source.set_pressure(self._recipe.set_point_kpa(self._ramp_s))

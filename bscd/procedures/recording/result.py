@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+
+
+class Ending(StrEnum):
+    """Why a recording ended that was neither stopped nor failed."""
+
+    COMPLETED = "completed"
+    """All that was planned."""
+    BURST = "burst"
+    """The pressure fell while it should not: the membrane burst, or leaks."""
+    LIMIT = "pressure limit"
+    """The pressure rose above its limit."""
 
 
 @dataclass(frozen=True)
@@ -11,7 +23,8 @@ class Recording:
     """A finished recording.
 
     ``path`` is its file; ``frames`` are in it, ``incomplete_frames`` of them damaged on the way; ``lost_frames`` were
-    exposed and never came. ``duration_s`` is of the rig's clock.
+    exposed and are not in the file. ``duration_s`` is of the rig's clock. ``ending`` is why it ended, ``reason`` says
+    it in words where it was not as planned.
     """
 
     path: Path
@@ -19,6 +32,8 @@ class Recording:
     lost_frames: int
     incomplete_frames: int
     duration_s: float
+    ending: Ending = Ending.COMPLETED
+    reason: str = ""
 
     @property
     def dropped(self) -> int:
