@@ -14,7 +14,19 @@ from bscd.version import __version__
 from drivers.errors import DeviceError
 
 #: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.
-COMMANDS = ("demo", "import_", "calibrate", "measure", "export", "devices", "emulate", "config", "design")
+COMMANDS = (
+    "demo",
+    "import_",
+    "calibrate",
+    "measure",
+    "export",
+    "record",
+    "recover",
+    "devices",
+    "emulate",
+    "config",
+    "design",
+)
 
 DONE, FAILED = 0, 1
 

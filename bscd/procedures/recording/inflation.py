@@ -103,9 +103,16 @@ def record_inflation(
             else:
                 session.recorder.event(inflation.watch.reason)
         frames = session.written
-    reason = inflation.watch.reason
-    duration_s = rig.clock.now_s() - begun_s
-    return Recording(path, frames, session.account.lost, inflation.incomplete, duration_s, ending, reason)
+    return Recording(
+        path=path,
+        frames=frames,
+        lost_frames=session.account.lost,
+        incomplete_frames=inflation.incomplete,
+        duration_s=rig.clock.now_s() - begun_s,
+        ending=ending,
+        reason=inflation.watch.reason,
+        peak_fill=session.ring.peak_fill,
+    )
 
 
 class _Inflation:

@@ -74,8 +74,9 @@ class PressureWatch:
         for kpa in (reading.pressure_kpa for reading in readings):
             self._highest_kpa = max(self._highest_kpa, kpa)
             fallen_kpa = self._highest_kpa - kpa
-            burst = fallen_kpa > max(self._fall * self._highest_kpa, 10.0 * self._noise_kpa, 0.1)
-            for ending, now in ((Ending.LIMIT, kpa > self._limit_kpa + 3.0 * self._noise_kpa), (Ending.BURST, bool(self._fall) and burst)):
+            burst = bool(self._fall) and fallen_kpa > max(self._fall * self._highest_kpa, 10.0 * self._noise_kpa, 0.1)
+            high = kpa > self._limit_kpa + 3.0 * self._noise_kpa
+            for ending, now in ((Ending.LIMIT, high), (Ending.BURST, burst)):
                 self._counts[ending] = self._counts[ending] + 1 if now else 0
                 if self._counts[ending] >= _READINGS_TO_END:
                     self.reason = (

@@ -24,7 +24,7 @@ class Recording:
 
     ``path`` is its file; ``frames`` are in it, ``incomplete_frames`` of them damaged on the way; ``lost_frames`` were
     exposed and are not in the file. ``duration_s`` is of the rig's clock. ``ending`` is why it ended, ``reason`` says
-    it in words where it was not as planned.
+    it in words where it was not as planned. ``peak_fill`` is the most frames that ever waited for the disk.
     """
 
     path: Path
@@ -34,6 +34,7 @@ class Recording:
     duration_s: float
     ending: Ending = Ending.COMPLETED
     reason: str = ""
+    peak_fill: int = 0
 
     @property
     def dropped(self) -> int:

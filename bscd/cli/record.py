@@ -1,0 +1,150 @@
+"""`bscd record`: an inflation on the configured rig, or on the twin in real time."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any, Literal
+
+import typer
+
+from bscd.acquisition import Compression
+from bscd.cli.composition import build_devices, build_world
+from bscd.cli.following import following
+from bscd.config import RigConfig, parse_config
+from bscd.errors import InputError
+from bscd.procedures import Rig
+from bscd.procedures.recording import Ending, InflationRecipe, Recording, Storing, record_inflation
+from drivers.clock import Clock, HostClock
+
+DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @app.command()
+    def record(
+        out: Annotated[Path, typer.Argument(help="The run file to make; it must not exist.")],
+        config: Annotated[Path, typer.Option(help="The rig; the built-in twin without it.")] = DEFAULT_CONFIG,
+        rate: Annotated[float, typer.Option(min=0.01, help="Frames a second.")] = 11.0,
+        top: Annotated[float, typer.Option(help="Highest pressure, kPa.")] = 16.0,
+        duration: Annotated[float, typer.Option(min=0.1, help="Ramp and hold together, s.")] = 6.5,
+        ramp: Annotated[float | None, typer.Option(help="Ramp alone, s; default: 60 % of the duration.")] = None,
+        steps: Annotated[int, typer.Option(min=0, help="Equal steps of the ramp; 0: a linear ramp.")] = 0,
+        rest: Annotated[float, typer.Option(help="Pressure of the reference frames, kPa.")] = 0.05,
+        rest_frames: Annotated[int, typer.Option(min=1, help="Reference frames.")] = 24,
+        limit: Annotated[float | None, typer.Option(help="Pressure that ends it, kPa; default: a tenth more.")] = None,
+        exposure: Annotated[float | None, typer.Option(help="Exposure, s; default: that of [scan].")] = None,
+        pacing: Annotated[
+            Literal["hardware", "software"], typer.Option(help="Whose clock asks for the frames.")
+        ] = "hardware",
+        compression: Annotated[Compression, typer.Option(help="Of the images in the file.")] = "none",
+        sync: Annotated[bool, typer.Option(help="Wait for the disk every second, against power failures.")] = True,
+    ) -> None:
+        """Record an inflation: frames at rest, the ramp, the hold, the vent. Ctrl-C ends it early, vented.
+
+        Example: bscd record inflation.h5 --config rig.toml --top 13 --duration 10
+        """
+        text = config.read_text(encoding="utf-8")
+        chosen = parse_config(text, str(config))
+        ramp_s = 0.6 * duration if ramp is None else ramp
+        if not 0.0 < ramp_s <= duration:
+            raise InputError(f"a ramp of {ramp_s:g} s does not fit a duration of {duration:g} s; change --ramp")
+        try:
+            recipe = InflationRecipe(
+                rest_kpa=rest,
+                top_kpa=top,
+                rest_frames=rest_frames,
+                ramp_s=ramp_s,
+                hold_s=duration - ramp_s,
+                steps=steps,
+                frame_rate_hz=rate,
+                limit_kpa=limit,
+                pacing=pacing,
+                exposure_s=chosen.scan.exposure_s if exposure is None else exposure,
+                gain_db=chosen.scan.gain_db,
+            )
+        except ValueError as err:  # pydantic's tells a line for each
+            raise InputError(_told(err)) from err
+        with rig_of(chosen) as rig, _stopping() as stop, following("Inflation", "frames") as progress:
+            done = record_inflation(
+                rig,
+                recipe,
+                out,
+                config_text=text,
+                storing=Storing(compression=compression, sync=sync),
+                progress=progress,
+                stop=stop,
+            )
+        typer.echo(_summary(done, recipe))
+
+
+@contextmanager
+def rig_of(config: RigConfig, clock: Clock | None = None) -> Iterator[Rig]:
+    """The configured rig, connected; with a [twin] the twin, its axes homed and the membrane on its stage."""
+    clock = clock or HostClock()
+    with ExitStack() as ends:
+        world: Any = None
+        if config.twin is not None:
+            config = _homed(config)
+            world = build_world(config, clock)
+            ends.callback(world.close)
+            world.place("membrane")
+        rig = Rig(
+            **build_devices(config, clock, world),
+            clock=clock,
+            origin_mm=config.scan.origin_mm,
+            raised_mm=config.prism.raised_mm,
+            lowered_mm=config.prism.lowered_mm,
+        )
+        ends.callback(rig.close)
+        rig.connect()
+        yield rig
+
+
+def _homed(config: RigConfig) -> RigConfig:
+    """The twin as its scans left it: homing in real time would take a minute and a half."""
+    changes = {}
+    for role in ("rotation", "translation", "jacks"):
+        section = getattr(config.devices, role)
+        if section.driver == "axis.simulated":
+            given = section.options.model_dump() | {"homed_at_start": True}
+            changes[role] = section.model_copy(update={"options": type(section.options).model_validate(given)})
+    return config.model_copy(update={"devices": config.devices.model_copy(update=changes)})
+
+
+@contextmanager
+def _stopping() -> Iterator[threading.Event]:
+    """An event that Ctrl-C and SIGTERM set; a second one ends the program at once."""
+    stop = threading.Event()
+
+    def asked(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, asked) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _told(err: ValueError) -> str:
+    problems = getattr(err, "errors", None)
+    if problems is None:
+        return str(err)
+    return "; ".join(f"{'.'.join(map(str, one['loc']))} {one['msg'].removeprefix('Value error, ')}".strip() for one in problems())
+
+
+def _summary(done: Recording, recipe: InflationRecipe) -> str:
+    lost = f"{done.lost_frames} lost" + (f", {done.incomplete_frames} incomplete" if done.incomplete_frames else "")
+    waited = f"at most {done.peak_fill} waiting for the disk"
+    why = done.ending.value if done.ending is Ending.COMPLETED else f"ended by {done.reason}"
+    return f"{done.path}: {done.frames} frames at {recipe.frame_rate_hz:g} a second, {lost}, {waited}; {why}"
