@@ -104,6 +104,7 @@ class StageAxis:
             repeatability=self._options.repeatability,
             speed=self._options.speed,
             can_home=True,
+            firmware=self._identity.firmware,
         )
 
     def status(self) -> AxisStatus:

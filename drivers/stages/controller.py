@@ -13,6 +13,7 @@ class Identity:
     vendor: str
     model: str
     serial: str
+    firmware: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,6 +82,7 @@ def test_everything_configured_answers(tmp_path: Path):
             'serial = "twin-primary"',
             "camera.aravis        answers: bscd Twin primary",
             "axis.ximc            answers: Standa",
+            "firmware 4.6.6",
             "axis.modbus          answers: Oriental Motor AZ",
             "pressure.labjack_t7  answers: LabJack T7",
             "not homed",

@@ -187,7 +187,14 @@ class Device:
             bit_depth=bit_depth(self._options.pixel_format),
             exposure_limits_s=Range(1e-6 * exposure.min, 1e-6 * exposure.max),
             gain_limits_db=Range(gain.min, gain.max) if gain is not None else Range(0.0, 0.0),
+            firmware=self._firmware(),
         )
+
+    def _firmware(self) -> str:
+        for feature in ("DeviceFirmwareVersion", "DeviceVersion"):
+            if self._device.is_feature_available(feature):
+                return self._device.get_string_feature_value(feature) or ""
+        return ""
 
     def _pixel_size_mm(self) -> float:
         """Edge of a pixel of the image, binning included; NaN when neither camera nor options tell."""

@@ -44,9 +44,10 @@ class XimcController:
         self._dialogue.open()
         vendor, _, product, *version = self._dialogue.ask("geti")
         (serial,) = self._dialogue.ask("gser")
+        firmware = self._dialogue.ask("gfwv")
         self._configure()
         name = f"{_text(product)} {version[0]}.{version[1]}.{version[2]}"
-        return Identity(f"Standa {_text(vendor)}", name, str(serial))
+        return Identity(f"Standa {_text(vendor)}", name, str(serial), ".".join(str(part) for part in firmware))
 
     def close(self) -> None:
         """Give the port free."""

@@ -47,7 +47,7 @@ class ZaberController:
         serial = self._ask("get system.serial", axis=WHOLE_DEVICE).data
         self._require_travel()
         self._configure()
-        return Identity("Zaber", f"device {device}, firmware {version}", serial)
+        return Identity("Zaber", f"device {device}", serial, version)
 
     def close(self) -> None:
         """Leave the line."""

@@ -135,7 +135,7 @@ def test_a_whole_session():
         axis = ximc_axis("mm", address, **OPTIONS)
         axis.connect()
         assert transcript(recording) == b"".join(
-            (bytes(64), b"gser", b"geti", b"gser")
+            (bytes(64), b"gser", b"geti", b"gser", b"gfwv")
             + (b"geng", bytes.fromhex(SET_ENGINE), b"geng", b"gmov", bytes.fromhex(SET_MOTION), b"gmov", b"gets")
         )
 
