@@ -54,7 +54,7 @@ class SharedBuffers:
         self._descriptor = os.memfd_create(_LABEL)
         try:
             os.posix_fallocate(self._descriptor, 0, size)  # now, not frame by frame, and an error, not a signal
-            pages = mmap.mmap(self._descriptor, size)
+            pages = mmap.mmap(self._descriptor, size, mmap.MAP_SHARED | mmap.MAP_POPULATE)
         except BaseException:
             os.close(self._descriptor)
             raise

@@ -84,6 +84,8 @@ def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> 
                 writer.event(event.text, event.time)
             if run.frames_acquired is not None:
                 writer.account(run.frames_acquired, run.losses)
+            if run.time_base is not None:
+                writer.state_time_base(run.time_base)
             frames = writer.frames_written
             writer.interrupt(run.reason or "its writer was killed; recovered into a copy")
     return Recovery(Path(copy), frames, True, "".join(damage))

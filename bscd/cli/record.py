@@ -71,7 +71,7 @@ def register(app: typer.Typer) -> None:
             )
         except ValueError as err:  # pydantic's tells a line for each
             raise InputError(_told(err)) from err
-        with rig_of(chosen) as rig, _stopping() as stop, following("Inflation", "frames") as progress:
+        with rig_of(chosen, rest_kpa=rest) as rig, _stopping() as stop, following("Inflation", "frames") as progress:
             done = record_inflation(
                 rig,
                 recipe,
@@ -85,8 +85,11 @@ def register(app: typer.Typer) -> None:
 
 
 @contextmanager
-def rig_of(config: RigConfig, clock: Clock | None = None) -> Iterator[Rig]:
-    """The configured rig, connected; with a [twin] the twin, its axes homed and the membrane on its stage."""
+def rig_of(config: RigConfig, clock: Clock | None = None, *, rest_kpa: float = 0.0) -> Iterator[Rig]:
+    """The configured rig, connected; with a [twin] the twin, its axes homed and the membrane on its stage.
+
+    The twin's image at ``rest_kpa`` is rendered at once: it takes longer than a frame may.
+    """
     clock = clock or HostClock()
     with ExitStack() as ends:
         world: Any = None
@@ -104,6 +107,8 @@ def rig_of(config: RigConfig, clock: Clock | None = None) -> Iterator[Rig]:
         )
         ends.callback(rig.close)
         rig.connect()
+        if world is not None:
+            world.irradiance("primary", world.state()._replace(pressure_kpa=rest_kpa))
         yield rig
 
 
@@ -140,7 +145,9 @@ def _told(err: ValueError) -> str:
     problems = getattr(err, "errors", None)
     if problems is None:
         return str(err)
-    return "; ".join(f"{'.'.join(map(str, one['loc']))} {one['msg'].removeprefix('Value error, ')}".strip() for one in problems())
+    return "; ".join(
+        f"{'.'.join(map(str, one['loc']))} {one['msg'].removeprefix('Value error, ')}".strip() for one in problems()
+    )
 
 
 def _summary(done: Recording, recipe: InflationRecipe) -> str:
