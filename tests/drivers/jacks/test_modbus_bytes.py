@@ -248,11 +248,11 @@ def test_a_late_answer_is_not_taken_for_the_next_one():
     ]
 
     def act(jacks):
-        with pytest.raises(DeviceTimeoutError, match=r"asking for its status.*no answer within 0\.2 s"):
+        with pytest.raises(DeviceTimeoutError, match=r"asking for its status.*no answer within 1\.5 s"):
             jacks.status()
         assert jacks.status().position == 30.0
 
-    run(transcript, act)
+    run(transcript, act, answer_timeout_s=1.5)
 
 
 def test_a_drive_that_does_not_know_the_echo_is_in_step_when_it_refuses_it():
@@ -269,4 +269,4 @@ def test_a_drive_that_does_not_know_the_echo_is_in_step_when_it_refuses_it():
             jacks.status()
         assert jacks.status().position == 30.0
 
-    run(transcript, act)
+    run(transcript, act, answer_timeout_s=1.5)

@@ -43,7 +43,11 @@ def run(transcript, act, **changes):
         for number, pair in enumerate(transcript, start=1)
     ]
     with tcp_peer(framed) as heard:
-        labjack = LabJackT7("pressure", InputOptions.model_validate(settings(heard.address, **changes)), HostClock())
+        labjack = LabJackT7(
+            "pressure",
+            InputOptions.model_validate(settings(heard.address, answer_timeout_s=3.0, **changes)),
+            HostClock(),
+        )
         try:
             act(labjack)
         finally:

@@ -27,7 +27,7 @@ class TestEmulatedT7(PressureContract):
 
     @pytest.fixture
     def source(self, kind):
-        with pressure_rig(kind) as rig:
+        with pressure_rig(kind, answer_timeout_s=3.0) as rig:
             yield rig.driver
 
     def test_samples_by_itself(self, source):
