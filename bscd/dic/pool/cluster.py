@@ -95,11 +95,11 @@ class DaskPool:
         self._closing.set()
         with self._lock:
             left = dict(self._open)
-        if left:
-            self._client.cancel(list(left.values()))
-        for future in left:
+        for future in left:  # before they are called off: else that would count as lost
             with suppress(InvalidStateError):
                 future.set_exception(PoolClosedError("the pool was closed before the task was done"))
+        if left:
+            self._client.cancel(list(left.values()))
         self._client.close(timeout=_CONNECT_S)
 
     def _take(self, near: str, sent: Any, future: Future[Any]) -> None:
