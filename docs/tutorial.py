@@ -33,7 +33,7 @@ sphere_radius_mm = 18.265
 # %%
 def record_on_the_twin() -> None:
     """Scan the cube twice, then record a sphere and an inflation."""
-    from bscd.cli.composition import build_devices, build_world
+    from bscd.composition import build_devices, build_world
     from bscd.config import parse_config
     from bscd.procedures import Rig, ScanRecipe, home, record_scan
     from bscd.procedures.recording import InflationRecipe, SphereRecipe, record_inflation, record_sphere

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bscd.cli.composition import build_world
+from bscd.composition import build_world
 from bscd.config import DeviceConfig, RigConfig, load_config
 from bscd.config.load import DEVICE_KINDS
 from drivers.clock import HostClock

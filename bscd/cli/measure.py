@@ -13,10 +13,10 @@ from bscd.acquisition import PhaseName, RunFile
 from bscd.acquisition.images import read_grey
 from bscd.calibration import Calibration
 from bscd.cli.following import following
-from bscd.cli.measurement_report import check_report_folder, report_measurement
 from bscd.dic.pool import DaskPool, LocalPool, Pool
 from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
+from bscd.offline.report import check_report_folder, report_measurement
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.results import ResultsFile, StereoSource, count_points
 
@@ -109,8 +109,10 @@ def register(app: typer.Typer) -> None:
             frames = f"{len(results)} {header.parameters['phase']} frames"
         typer.echo(f"{out}: {frames} of {len(header.points_px)} points: {counts.text(header.status_names)}")
         if report is not None:
-            with RunFile(run) as source:
-                page = report_measurement(loaded, source, out, settings, report, warnings=warnings, warn=_warn)
+            with RunFile(run) as source, following("Measuring by the pair", "frames") as progress:
+                page = report_measurement(
+                    loaded, source, out, settings, report, warnings=warnings, warn=_warn, progress=progress
+                )
             typer.echo(f"{page}")
 
 

@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from bscd.acquisition import Compression
-from bscd.cli.composition import build_devices, build_world
 from bscd.cli.following import following
+from bscd.composition import build_devices, build_world
 from bscd.config import RigConfig, parse_config
 from bscd.errors import InputError
 from bscd.procedures import Rig

@@ -200,6 +200,25 @@ class DevicesConfig(Section):
     pressure: DeviceConfig | None = None
 
 
+class DaemonConfig(Section):
+    """The daemon: where it listens, where its data goes, what it lets through."""
+
+    data_folder: str = Field(
+        default="data", min_length=1, description="runs, calibrations, results, journal; relative: beside this file"
+    )
+    host: str = Field(default="127.0.0.1", min_length=1, description="address; any but loopback needs keys")
+    port: int = Field(default=8080, ge=0, le=65535, description="of page and API; 0: a free one")
+    estop_port: int = Field(default=8081, ge=0, le=65535, description="of the e-stop's own listener; 0: a free one")
+    keys_file: str = Field(default="keys.json", min_length=1, description="hashed API keys, in the data folder")
+    lease_s: Positive = Field(default=60.0, description="how long control of the rig lasts unless renewed, s")
+    request_limit_bytes: int = Field(default=1_000_000, ge=1000, description="largest body of a request")
+    requests_per_s: Positive = Field(default=50.0, description="requests of one client, on average")
+    reserve_mb: NotNegative = Field(default=2000.0, description="disk space that no job may use, MB")
+    queue_limit: int = Field(default=20, ge=1, le=1000, description="jobs that may wait")
+    poll_s: Positive = Field(default=0.5, description="between two looks at idle devices, s")
+    confirm_timeout_s: Positive = Field(default=3600.0, description="how long an operator may take to answer, s")
+
+
 class TargetFile(Section):
     """A rig.toml beside an import's manifest: what was imaged, and what a report should say of the setup."""
 
@@ -225,5 +244,6 @@ class RigConfig(Section):
     scan: ScanConfig = ScanConfig()
     calibration: CalibrationConfig = CalibrationConfig()
     dic: DicConfig = DicConfig()
+    daemon: DaemonConfig = DaemonConfig()
     devices: DevicesConfig
     twin: Any = Field(default=None, description="the digital twin that simulated devices see")

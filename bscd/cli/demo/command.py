@@ -17,14 +17,14 @@ from bscd.analysis.report import ReportData, write_report
 from bscd.analysis.report.measurement import MeasurementData
 from bscd.analysis.validation import Validation, compare_variants, validate
 from bscd.calibration import Calibration
-from bscd.cli.composition import build_devices, build_world
 from bscd.cli.demo import calibrating, measuring
 from bscd.cli.demo.summary import summarise, told
 from bscd.cli.progress import progress
-from bscd.cli.setup_facts import setup_facts
 from bscd.cli.twin_truth import WitnessedWorld, with_truth
+from bscd.composition import build_devices, build_world
 from bscd.config import RigConfig, parse_config
 from bscd.errors import InputError
+from bscd.offline.setup_facts import setup_facts
 from bscd.procedures import Rig, home
 from bscd.procedures.reporting import Source, gather_measurement
 from bscd.results import ResultsFile

@@ -1,4 +1,4 @@
-"""The report of `bscd measure --report`: from the results and their run to a page."""
+"""The report of a measurement: from the results and their run to a page."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from tempfile import TemporaryDirectory
 from bscd.acquisition import RunFile
 from bscd.analysis.report import MeasurementReport, write_measurement_report
 from bscd.calibration import Calibration
-from bscd.cli.following import following
-from bscd.cli.setup_facts import setup_facts
 from bscd.config import parse_target
 from bscd.errors import InputError
+from bscd.offline.setup_facts import setup_facts
+from bscd.procedures import ProgressCallback
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.procedures.reporting import Source, gather_measurement
 from bscd.results import ResultsFile
@@ -35,11 +35,12 @@ def report_measurement(
     *,
     warnings: Sequence[str] = (),
     warn: Callable[[str], None],
+    progress: ProgressCallback | None = None,
 ) -> Path:
     """Write the report of a results file; the page's path.
 
     Where the run holds the same sphere by the standard pair, that is measured as well, with the same settings, for
-    the report alone.
+    the report alone; ``progress`` is that measurement's.
     """
     told = list(warnings)
 
@@ -61,7 +62,7 @@ def report_measurement(
         if sources[0].phase == "sphere" and results.header.stereo == "biprism" and "auxiliary" in run.cameras:
             beside = Path(opened.enter_context(TemporaryDirectory())) / "standard.h5"
             try:
-                _measure_pair(calibration, run, beside, settings)
+                _measure_pair(calibration, run, beside, settings, progress)
             except InputError as error:
                 say(f"the standard pair is not shown: {error}")
             else:
@@ -84,8 +85,9 @@ def report_measurement(
         return write_measurement_report(report, folder)
 
 
-def _measure_pair(calibration: Calibration, run: RunFile, path: Path, settings: MeasureSettings) -> None:
+def _measure_pair(
+    calibration: Calibration, run: RunFile, path: Path, settings: MeasureSettings, progress: ProgressCallback | None
+) -> None:
     """The same sphere by both cameras; the region, if one was given, is of the view through the biprism."""
     chosen = replace(settings, stereo="standard", phase="sphere", region=None)
-    with following("Measuring by the pair", "frames") as progress:
-        measure_to_file(calibration, run, path, chosen, progress=progress)
+    measure_to_file(calibration, run, path, chosen, progress=progress)
