@@ -83,6 +83,7 @@ def test_everything_configured_answers(tmp_path: Path):
             "camera.aravis        answers: bscd Twin primary",
             "axis.ximc            answers: Standa",
             "firmware 4.6.6",
+            "firmware 1.0312",
             "axis.modbus          answers: Oriental Motor AZ",
             "pressure.labjack_t7  answers: LabJack T7",
             "not homed",

@@ -16,6 +16,7 @@ DAC0 = 1000
 AIN, AIN_RANGE, AIN_NEGATIVE, AIN_RESOLUTION, AIN_SETTLING = 0, 40000, 41000, 41500, 42000
 TEST, TEST_PATTERN = 55100, 0x00112233
 PRODUCT_ID, PRODUCT_T7 = 60000, 7
+FIRMWARE_VERSION = 60004
 SERIAL_NUMBER = 60028
 DAC_TOLERANCE_V = 0.002
 OVER_RANGE = 1.05
@@ -42,6 +43,7 @@ class LabJackT7:
         self._options = options
         self._clock = clock
         self.serial = ""
+        self.firmware = ""
         self.line = Line(
             device, options.address, SerialSettings(), options.answer_timeout_s, clock, greet=self._recognise
         )
@@ -87,6 +89,7 @@ class LabJackT7:
         if round(product) != PRODUCT_T7:
             raise NotConnectedError(self._device, f"{doing}: it is a T{product:g}, not a T7", "check the address")
         self.serial = str(self._read_uint(SERIAL_NUMBER, doing))
+        self.firmware = f"{self._read_float(FIRMWARE_VERSION, doing):.4f}"
         wanted = self._options.serial_number
         if wanted is not None and self.serial != str(wanted):
             words = f"{doing}: it is the T7 with serial number {self.serial}, not {wanted}"

@@ -73,6 +73,7 @@ class Transducer:
             limits_kpa=Range(*self._options.limits_kpa),
             noise_kpa=transducer.noise_kpa,
             can_set=can_set,
+            firmware=self.labjack.firmware,
         )
 
     def read(self, doing: str) -> PressureReading:

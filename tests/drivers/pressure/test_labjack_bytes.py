@@ -1,6 +1,6 @@
 """Every message sent to the LabJack, byte by byte: Modbus TCP written out from the protocol table and the standard.
 
-55100 = D73C, 60000 = EA60, 60028 = EA7C, 40000 = 9C40, 41000 = A028, 41500 = A21C, 42000 = A410, 1000 = 03E8;
+55100 = D73C, 60000 = EA60, 60004 = EA64, 60028 = EA7C, 40000 = 9C40, 41000 = A028, 41500 = A21C, 42000 = A410, 1000 = 03E8;
 floats are IEEE 754, upper word first: 7.0 = 40E00000, 10.0 = 41200000, 1.5 = 3FC00000, 3.125 = 40480000.
 """
 
@@ -16,13 +16,14 @@ from tests.drivers.pressure.rigs import settings
 TEST = ("01 03 D7 3C 00 02", "01 03 04 00 11 22 33")
 PRODUCT = ("01 03 EA 60 00 02", "01 03 04 40 E0 00 00")
 SERIAL = ("01 03 EA 7C 00 02", "01 03 04 1C 03 CD B9")
+FIRMWARE = ("01 03 EA 64 00 02", "01 03 04 3F 83 FE 5D")
 SET_UP = [
     ("01 10 9C 40 00 02 04 41 20 00 00", "01 10 9C 40 00 02"),
     ("01 10 A0 28 00 01 02 00 C7", "01 10 A0 28 00 01"),
     ("01 10 A2 1C 00 01 02 00 00", "01 10 A2 1C 00 01"),
     ("01 10 A4 10 00 02 04 00 00 00 00", "01 10 A4 10 00 02"),
 ]
-GREETING = [TEST, PRODUCT, SERIAL, *SET_UP]
+GREETING = [TEST, PRODUCT, SERIAL, FIRMWARE, *SET_UP]
 
 
 def ain0(volts: str) -> tuple[str, str]:
@@ -65,6 +66,7 @@ def test_connecting_asks_who_is_there_and_sets_the_input_up():
     def act(labjack):
         opened(labjack)
         assert labjack.serial == "470011321"
+        assert labjack.firmware == "1.0312"
 
     run(GREETING, act)
 
@@ -81,7 +83,7 @@ def test_another_input_is_set_up_as_configured():
     def act(labjack):
         assert opened(labjack).volts("reading")[0] == 0.75
 
-    transcript = [TEST, PRODUCT, SERIAL, *set_up, ("01 03 00 06 00 02", "01 03 04 3F 40 00 00")]
+    transcript = [TEST, PRODUCT, SERIAL, FIRMWARE, *set_up, ("01 03 00 06 00 02", "01 03 04 3F 40 00 00")]
     run(transcript, act, channel=3, range_v=1.0, negative_channel=4, resolution_index=8, settling_us=200.0)
 
 
@@ -133,7 +135,7 @@ def test_volts_that_no_input_reads_are_no_reading(volts):
     [
         ([("01 03 D7 3C 00 02", "01 03 04 22 33 00 11")], "0x22330011, so it is no LabJack"),
         ([TEST, ("01 03 EA 60 00 02", "01 03 04 40 80 00 00")], "a T4, not a T7"),
-        ([TEST, PRODUCT, SERIAL], "serial number 470011321, not 470000000"),
+        ([TEST, PRODUCT, SERIAL, FIRMWARE], "serial number 470011321, not 470000000"),
     ],
 )
 def test_another_device_is_refused(transcript, words):
