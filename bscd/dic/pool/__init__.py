@@ -3,6 +3,7 @@
 from bscd.dic.pool.cluster import DaskPool
 from bscd.dic.pool.interface import LentImage, Pool, PoolClosedError, WorkerLostError
 from bscd.dic.pool.local import LocalPool
+from bscd.dic.pool.program import end_program, start_program
 from bscd.dic.pool.shared import OwnImage, SharedImage
 
 __all__ = [
@@ -14,4 +15,6 @@ __all__ = [
     "PoolClosedError",
     "SharedImage",
     "WorkerLostError",
+    "end_program",
+    "start_program",
 ]

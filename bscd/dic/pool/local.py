@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import subprocess
-import sys
 import threading
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import dataclass, field
-from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pickle import HIGHEST_PROTOCOL, dumps, loads
 from types import TracebackType
@@ -21,6 +18,7 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from bscd.dic.pool.interface import TASK_TIMEOUT_S, PoolClosedError, Result, WorkerLostError
+from bscd.dic.pool.program import end_program, start_program
 from bscd.dic.pool.shared import SharedImage
 from bscd.dic.solver import usable_cores
 from bscd.errors import InputError
@@ -31,7 +29,6 @@ _WAITING = 2
 #: A worker is looked at so often while it works; one that does not end by itself is killed.
 _LOOK_S = 0.2
 _GRACE_S = 0.5
-_END_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -134,18 +131,7 @@ class _Worker:
         self._thread.join()
 
     def _started(self) -> tuple[subprocess.Popen[bytes], Connection]:
-        """A process that knows nothing of this one's main module, and that the terminal's Ctrl-C does not reach."""
-        ours, theirs = Pipe()
-        given = (theirs.fileno(), *self._settings)
-        process = subprocess.Popen(  # noqa: S603 - ourselves
-            [sys.executable, "-P", "-m", "bscd.dic.pool.worker", *map(str, given)],
-            stdin=subprocess.DEVNULL,
-            pass_fds=[theirs.fileno()],
-            process_group=0,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
-        )
-        theirs.close()
-        return process, ours
+        return start_program("bscd.dic.pool.worker", *self._settings)
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -188,12 +174,7 @@ class _Worker:
         return self._pipe.recv_bytes()
 
     def _end(self) -> None:
-        self._pipe.close()
-        try:
-            self._process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait(_END_S)
+        end_program(self._process, self._pipe, _GRACE_S)
 
 
 def _settle(future: Future[Any], *, value: Any = None, error: BaseException | None = None) -> None:

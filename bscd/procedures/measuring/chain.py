@@ -22,7 +22,7 @@ _RESULT_S = 2.5 * TASK_TIMEOUT_S
 class ViewChain:
     """Tracks the frames of ``held`` that are named by `put`, up to ``chunk`` of those that wait in one task.
 
-    ``reached`` is called with each new state before the results that led to it can be taken.
+    ``reached`` is called with each new ``state`` before the results that led to it can be taken.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class ViewChain:
         reached: Callable[[TrackerState], None],
     ) -> None:
         self._pool, self._chain, self._held, self._chunk = pool, chain, held, chunk
-        self._state, self._reached = start, reached
+        self.state, self._reached = start, reached
         self._numbers: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[Tracked | BaseException] = queue.SimpleQueue()
         self._closing = threading.Event()
@@ -84,15 +84,15 @@ class ViewChain:
         frames = list(self._held.frames(numbers).values())
         done = self._asked(frames, None) if self._known else None
         if done is None:
-            done = self._asked(frames, Resume(self._state, self._held.frames(self._state.images)))
-        found, self._state = done
+            done = self._asked(frames, Resume(self.state, self._held.frames(self.state.images)))
+        found, self.state = done
         self._known = True
-        self._reached(self._state)
+        self._reached(self.state)
         for tracked in found:
             self._results.put(tracked)
 
     def _asked(self, frames: list[Any], resume: Resume | None) -> Any:
-        future = self._pool.submit(track_chunk, self._chain, self._state.tracked, frames, resume, near=self._chain.name)
+        future = self._pool.submit(track_chunk, self._chain, self.state.tracked, frames, resume, near=self._chain.name)
         waited_s = 0.0
         while True:
             try:

@@ -92,6 +92,20 @@ def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, r
     )
 
 
+def reference_count(pressure_kpa: FloatArray, phase: PhaseName, *, ended: bool) -> int | None:
+    """How many of the first frames are the reference, by the pressures ``(T,)`` so far.
+
+    None while frames to come may still tell; ``ended`` says that none will come. The rest counts as over with the
+    first frame above it, and as long enough when half of it would do (`count_at_rest`).
+    """
+    if not len(pressure_kpa):
+        return None
+    risen = not np.isfinite(pressure_kpa[0]) or bool((~(np.abs(pressure_kpa - pressure_kpa[0]) <= _AT_REST_KPA)).any())
+    if not (ended or risen or phase != "inflation" or len(pressure_kpa) >= 2 * _MOST_AT_REST):
+        return None
+    return len(_at_rest(pressure_kpa, phase))
+
+
 def _at_rest(pressure_kpa: FloatArray, phase: PhaseName) -> tuple[int, ...]:
     """The frames that make the reference."""
     return tuple(range(min(count_at_rest(pressure_kpa), _MOST_AT_REST) if phase == "inflation" else 1))

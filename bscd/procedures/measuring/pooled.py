@@ -69,6 +69,11 @@ class PooledTracking:
         left, right = (chain.take() for chain in self._chains)
         return left, right
 
+    def states(self) -> tuple[TrackerState, TrackerState]:
+        """Where both views' trackers stand; after all results were taken, those after the last frame."""
+        left, right = (chain.state for chain in self._chains)
+        return left, right
+
     def follow(self, frames: Iterable[tuple[Item, FrameImages]]) -> Generator[tuple[Item, Tracked, Tracked]]:
         """What was tracked in frames, in their order; no more than three chunks are under way."""
         waiting: deque[Item] = deque()

@@ -123,6 +123,15 @@ class Sequence:
         """Left and right tracker, from which others may track the frames and hand them to `combine`."""
         return self._left.state(), self._right.state()
 
+    @property
+    def stray(self) -> BoolArray:
+        """What `combine` keeps from frame to frame, ``(n,)``; to go on from an earlier frame set it back."""
+        return self._uncertainty.stray
+
+    @stray.setter
+    def stray(self, which: BoolArray) -> None:
+        self._uncertainty.stray = which
+
     def combine(self, left: Tracked, right: Tracked) -> Measured:
         """The next frame, of which both views were tracked."""
         located = self._geometry.locate(left.position_px, right.position_px)

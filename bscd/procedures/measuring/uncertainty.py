@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bscd.arrays import FloatArray
+from bscd.arrays import BoolArray, FloatArray
 from bscd.calibration import ImageCovariances
 from bscd.dic import Correlation
 from bscd.dic.curvature import Curvature
@@ -19,6 +19,15 @@ class Uncertainty:
         self._start = left_px, right_px
         self._field = Curvature(left_px, subset_px)
         self._stray = np.zeros(len(left_px), bool)
+
+    @property
+    def stray(self) -> BoolArray:
+        """Which points once strayed from their field, ``(N,)``: all that one frame leaves for the next."""
+        return self._stray.copy()
+
+    @stray.setter
+    def stray(self, which: BoolArray) -> None:
+        self._stray = which.copy()
 
     def of_reference(self) -> ImageCovariances:
         """Of the reference frame itself: the left image defines the point, the stereo match places the right one."""

@@ -1,0 +1,64 @@
+"""The live process: takes frames from its pipe, measures them, and tells; ends when the pipe does."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from multiprocessing.connection import Connection
+from typing import Any
+
+from bscd.dic.pool import LocalPool
+from bscd.errors import BscdError
+from bscd.procedures.live.engine import ArrivedFrame, LiveEngine
+from bscd.procedures.live.messages import Finish, LiveFailure, LiveSetup, PushedFrame, TakenFrame
+
+
+def serve(pipe: Connection) -> None:
+    """Measure what comes, up to a `Finish`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this is interrupted, and finishes it
+    lock = threading.Lock()
+
+    def tell(message: Any) -> None:
+        with lock:
+            pipe.send(message)
+
+    try:
+        setup: LiveSetup = pipe.recv()
+        os.nice(setup.nice)
+        with LocalPool(setup.workers) as pool:
+            _measure(pipe, tell, setup, pool)
+    except (EOFError, OSError):  # whoever wanted it is gone
+        return
+
+
+def _measure(pipe: Connection, tell: Any, setup: LiveSetup, pool: LocalPool) -> None:
+    engine: LiveEngine | None = None
+    reason = "live measuring was cut off"
+    try:
+        engine = LiveEngine(setup, pool, tell)
+        while True:
+            message = pipe.recv()
+            if isinstance(message, Finish):
+                tell(engine.finish(message))
+                return
+            engine.push(_arrived(message, tell))
+    except (EOFError, BrokenPipeError):
+        return
+    except (BscdError, OSError, ValueError, RuntimeError) as error:
+        reason = str(error) or type(error).__name__
+        tell(LiveFailure(reason))
+    finally:
+        if engine is not None:
+            engine.close(reason)
+
+
+def _arrived(frame: PushedFrame, tell: Any) -> ArrivedFrame:
+    image = frame.image.read()
+    tell(TakenFrame(frame.image.name))
+    return ArrivedFrame(frame.number, (image,), frame.time_s, frame.pressure_kpa, frame.exposed_ns)
+
+
+if __name__ == "__main__":
+    serve(Connection(int(sys.argv[1])))
