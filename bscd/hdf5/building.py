@@ -40,7 +40,7 @@ def make_entry(file: h5py.File, kind: FileKind, identity: FileIdentity, header_s
     entry["start_time"] = identity.start_time
     make_text(entry, "end_time", 32, identity.start_time)
     recording = make_group(entry, "recording", "NXcollection")
-    recording["header_sha256"] = header_sha256
+    make_text(recording, "header_sha256", 64, header_sha256)
     make_text(recording, "state", 16, FileState.RECORDING.value)
     make_text(recording, "reason", 512, "")
     make_text(recording, "sha256", 64, "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 
-from bscd.hdf5 import FileIdentity, describe, make_column, make_entry, make_group
+from bscd.hdf5 import FileIdentity, describe, make_column, make_entry, make_group, make_text
 from bscd.results.checksum import header_sha256
 from bscd.results.layout import COLUMNS, COMMIT_COLUMN, FRAME_SHA256, QUANTITIES, RESULTS_FILE, Quantity
 from bscd.results.records import VALID, MembraneFrame, Origin, ParameterValue, ResultsHeader
@@ -48,7 +48,9 @@ def _make_measurement(entry: h5py.Group, header: ResultsHeader) -> None:
 
 def _make_origin(measurement: h5py.Group, name: str, origin: Origin) -> None:
     group = make_group(measurement, name, "NXcollection")
-    group["file_name"], group["uuid"], group["sha256"] = origin.file_name, origin.uuid, origin.checksum
+    group["file_name"] = origin.file_name
+    make_text(group, "uuid", 64, origin.uuid)
+    make_text(group, "sha256", 64, origin.checksum)
 
 
 def _make_membrane(measurement: h5py.Group, membrane: MembraneFrame) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bscd.errors import BscdError
 from bscd.hdf5 import (
+    RECORDING,
     FileState,
     GrowingFile,
     beginning,
@@ -28,7 +29,7 @@ from bscd.hdf5 import (
     utc_text,
 )
 from bscd.results.checksum import frame_sha256, header_sha256, results_sha256, stored
-from bscd.results.layout import COLUMNS, COMMIT_COLUMN, DATA, FRAME_SHA256, QUANTITIES, RESULTS_FILE
+from bscd.results.layout import COLUMNS, COMMIT_COLUMN, DATA, FRAME_SHA256, MEASUREMENT, QUANTITIES, RESULTS_FILE
 from bscd.results.records import FrameResult, ResultsHeader
 from bscd.results.skeleton import check_header, create_skeleton
 
@@ -121,6 +122,16 @@ class ResultsWriter:
                 _put(self._datasets[COMMIT_COLUMN], row, self._numbers[row])
             self._growing.file.flush()
         self._committed = len(self._numbers)
+
+    def name_run(self, uuid: str, checksum: str) -> None:
+        """Name the run that was measured while it was recorded, once it is complete."""
+        self._check_open()
+        self.header = replace(self.header, run=replace(self.header.run, uuid=uuid, checksum=checksum))
+        file = self._growing.file
+        with self._growing.writing("naming its run"):
+            dataset_at(file, f"{MEASUREMENT}/run/uuid")[()] = uuid.encode()
+            dataset_at(file, f"{MEASUREMENT}/run/sha256")[()] = checksum.encode()
+            dataset_at(file, f"{RECORDING}/header_sha256")[()] = header_sha256(self.header).encode()
 
     def close(self) -> None:
         """End the results as complete; does nothing when they have ended."""

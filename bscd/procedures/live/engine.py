@@ -85,12 +85,15 @@ class LiveEngine:
 
     def finish(self, asked: Finish) -> LiveDone:
         """End: wait for what is under way, and measure from the run file what did not come."""
-        self._begin_when_told(ended=True)
+        if asked.run is None:
+            self._begin_when_told(ended=True)  # else the run file knows better which frames are the reference
         live = self._drained()
         caught_up = 0
         if asked.run is not None:
             with RunFile(asked.run) as run:
                 caught_up = self._catch_up(run, live)
+                if self._writer is not None:
+                    self._writer.name_run(run.uuid, run.checksum)
         if self._writer is not None:
             self._writer.close()
         return LiveDone(live + caught_up, caught_up, self._pool.restarts)
