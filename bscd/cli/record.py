@@ -13,11 +13,15 @@ from typing import Annotated, Any, Literal
 import typer
 
 from bscd.acquisition import Compression
+from bscd.calibration import Calibration
 from bscd.cli.following import following
+from bscd.cli.live import live_progress, told_live
 from bscd.composition import build_devices, build_world
 from bscd.config import RigConfig, parse_config
-from bscd.errors import InputError
+from bscd.errors import CheckFailedError, InputError
 from bscd.procedures import Rig
+from bscd.procedures.live import record_and_measure
+from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.recording import Ending, InflationRecipe, Recording, Storing, record_inflation
 from drivers.clock import Clock, HostClock
 
@@ -45,11 +49,23 @@ def register(app: typer.Typer) -> None:
         ] = "hardware",
         compression: Annotated[Compression, typer.Option(help="Of the images in the file.")] = "none",
         sync: Annotated[bool, typer.Option(help="Wait for the disk every second, against power failures.")] = True,
+        calibration: Annotated[
+            Path | None, typer.Option(help="Measure the frames with this calibration as they arrive.")
+        ] = None,
+        results: Annotated[
+            Path | None, typer.Option(help="Results file of that; default: beside the run, RUN-result.h5.")
+        ] = None,
+        step: Annotated[
+            int | None, typer.Option(min=1, help="Distance between live points, px; default: [dic] step_px.")
+        ] = None,
+        workers: Annotated[int, typer.Option(min=1, help="Processes that correlate live.")] = 2,
     ) -> None:
         """Record an inflation: frames at rest, the ramp, the hold, the vent. Ctrl-C ends it early, vented.
 
-        Example: bscd record inflation.h5 --config rig.toml --top 13 --duration 10
+        Example: bscd record inflation.h5 --config rig.toml --top 13 --duration 10 --calibration calibration.h5
         """
+        if calibration is None and (results is not None or step is not None):
+            raise typer.BadParameter("--results and --step need --calibration")
         text = config.read_text(encoding="utf-8")
         chosen = parse_config(text, str(config))
         ramp_s = 0.6 * duration if ramp is None else ramp
@@ -71,17 +87,36 @@ def register(app: typer.Typer) -> None:
             )
         except ValueError as err:  # pydantic's tells a line for each
             raise InputError(_told(err)) from err
-        with rig_of(chosen, rest_kpa=rest) as rig, _stopping() as stop, following("Inflation", "frames") as progress:
-            done = record_inflation(
+        how: dict[str, Any] = {"config_text": text, "storing": Storing(compression=compression, sync=sync)}
+        if calibration is None:
+            with rig_of(chosen, rest_kpa=rest) as rig, stopping() as stop, following("Inflation", "frames") as progress:
+                done = record_inflation(rig, recipe, out, progress=progress, stop=stop, **how)
+            typer.echo(_summary(done, recipe))
+            return
+        loaded = Calibration.load(calibration)
+        settings = MeasureSettings(
+            step_px=step or chosen.dic.step_px, subset_px=chosen.dic.subset_px, phase="inflation"
+        )
+        kept = results or out.with_name(f"{out.stem}-result.h5")
+        with rig_of(chosen, rest_kpa=rest) as rig, stopping() as stop, live_progress() as (progress, on_event):
+            done, measured = record_and_measure(
                 rig,
                 recipe,
                 out,
-                config_text=text,
-                storing=Storing(compression=compression, sync=sync),
+                loaded,
+                kept,
+                settings=settings,
+                calibration_name=calibration.name,
+                workers=workers,
+                on_event=on_event,
                 progress=progress,
                 stop=stop,
+                **how,
             )
         typer.echo(_summary(done, recipe))
+        if measured.failure:
+            raise CheckFailedError(measured.failure)
+        typer.echo(f"{kept}: {told_live(measured)}")
 
 
 @contextmanager
@@ -124,7 +159,7 @@ def _homed(config: RigConfig) -> RigConfig:
 
 
 @contextmanager
-def _stopping() -> Iterator[threading.Event]:
+def stopping() -> Iterator[threading.Event]:
     """An event that Ctrl-C and SIGTERM set; a second one ends the program at once."""
     stop = threading.Event()
 

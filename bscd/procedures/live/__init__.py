@@ -2,15 +2,27 @@
 
 from bscd.procedures.live.follower import LiveFollower
 from bscd.procedures.live.measurement import LiveMeasurement
-from bscd.procedures.live.messages import LiveDone, LiveEvent, LiveFailure, LiveFrame, LiveSetup, LiveWarning
+from bscd.procedures.live.messages import (
+    LiveCatchingUp,
+    LiveDone,
+    LiveEvent,
+    LiveFailure,
+    LiveFrame,
+    LiveSetup,
+    LiveWarning,
+)
+from bscd.procedures.live.recording import LiveOutcome, record_and_measure
 
 __all__ = [
+    "LiveCatchingUp",
     "LiveDone",
     "LiveEvent",
     "LiveFailure",
     "LiveFollower",
     "LiveFrame",
     "LiveMeasurement",
+    "LiveOutcome",
     "LiveSetup",
     "LiveWarning",
+    "record_and_measure",
 ]

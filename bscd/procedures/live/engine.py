@@ -16,7 +16,7 @@ from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.pool import LocalPool
 from bscd.dic.tracker_state import REFERENCE, TrackerState
 from bscd.errors import InputError
-from bscd.procedures.live.messages import Finish, LiveDone, LiveEvent, LiveFrame, LiveSetup, LiveWarning
+from bscd.procedures.live.messages import Finish, LiveCatchingUp, LiveDone, LiveEvent, LiveFrame, LiveSetup, LiveWarning
 from bscd.procedures.measuring.beginning import Begun, begin, view_source
 from bscd.procedures.measuring.frames import FrameChoice, choose_frames, frame_records, reference_count
 from bscd.procedures.measuring.measure import images_of
@@ -217,12 +217,18 @@ class LiveEngine:
                 measured = self._begun.sequence.combine(left, right)
                 self._writer.append(self._begun.result(number, record.time_s, record.pressure_kpa, measured))
                 done += 1
+                self._tell(LiveCatchingUp(done, len(choice) - known))
         return done
 
 
 def _numbered(run: RunFile, choice: FrameChoice) -> Iterator[tuple[int, FrameRecord, FrameImages]]:
     for number, (primary, auxiliary) in enumerate(frame_records(run, choice)):
         yield number, primary, images_of(primary, auxiliary)
+
+
+def _greatest(w_mm: FloatArray) -> float:
+    known = w_mm[np.isfinite(w_mm)]
+    return float(known.max()) if known.size else float("nan")
 
 
 def thinned(result: FrameResult, points_px: FloatArray, most: int, latency_s: float, provisional: bool) -> LiveFrame:
@@ -234,6 +240,7 @@ def thinned(result: FrameResult, points_px: FloatArray, most: int, latency_s: fl
         pressure_kpa=result.pressure_kpa,
         points=len(result.status),
         valid=int(np.count_nonzero(result.valid)),
+        w_max_mm=_greatest(result.uvw_mm[result.valid, 2]),
         latency_s=latency_s,
         provisional=provisional,
         index=index,

@@ -6,7 +6,7 @@ import threading
 
 from bscd.acquisition import FrameRecord
 from bscd.acquisition.stream import ConsumerCounts, FrameRing, Keep, Subscription
-from bscd.errors import BscdError, InputError
+from bscd.errors import BscdError
 from bscd.procedures.live.measurement import LiveMeasurement
 from drivers.interfaces import FrameStatus
 
@@ -36,13 +36,7 @@ class LiveFollower:
         return ConsumerCounts(0, 0, 0, 0) if self._subscription is None else self._subscription.counts()
 
     def begin(self, ring: FrameRing) -> None:
-        """Subscribe and start. Raises `InputError` for frames that the calibration is not for."""
-        width_px, height_px = self._live.size_px
-        if ring.shape != (height_px, width_px):
-            raise InputError(
-                f"live: the camera's images are {ring.shape[1]} x {ring.shape[0]} px, the calibration's {width_px} x "
-                f"{height_px} px; calibrate again, or record without live measurement"
-            )
+        """Subscribe and start."""
         self._subscription = ring.subscribe(self.name, Keep.FIRST, _DEPTH)
         self._thread.start()
 

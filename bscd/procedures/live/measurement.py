@@ -45,7 +45,6 @@ class LiveMeasurement:
         if setup.settings.stereo != "biprism":
             raise BscdError("live: only the biprism's views are measured while they arrive; use bscd measure")
         self._most, self._on_event = waiting, on_event
-        self.size_px = setup.size_px
         self._lock = threading.Condition()
         self._images: dict[str, SharedImage] = {}
         self._pushed = self._missed = 0

@@ -67,7 +67,8 @@ class LiveFrame:
     """A frame's map, thinned out: ``index`` ``(n,)`` are the points' rows in the results file.
 
     ``points_px`` ``(n, 2)``, ``xyz_mm``, ``uvw_mm``, ``sigma_mm`` ``(n, 3)``, ``zncc`` ``(n,)``, ``status`` ``(n,)``.
-    ``valid`` of ``points`` were measured; ``latency_s`` is the time from exposure until the map was there. A
+    ``valid`` of ``points`` were measured, ``w_max_mm`` is the largest w among them (NaN without a membrane frame);
+    ``latency_s`` is the time from exposure until the map was there. A
     ``provisional`` frame came after one that was missed: it is measured again from the run file at the end.
     """
 
@@ -76,6 +77,7 @@ class LiveFrame:
     pressure_kpa: float
     points: int
     valid: int
+    w_max_mm: float
     latency_s: float
     provisional: bool
     index: NDArray[np.int64]
@@ -85,6 +87,14 @@ class LiveFrame:
     sigma_mm: FloatArray
     zncc: FloatArray
     status: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class LiveCatchingUp:
+    """The recording has ended; ``done`` of ``total`` frames that were missed are measured from the run file."""
+
+    done: int
+    total: int
 
 
 @dataclass(frozen=True)
@@ -110,4 +120,4 @@ class LiveDone:
     worker_restarts: int
 
 
-LiveEvent = LiveFrame | LiveWarning | LiveFailure | LiveDone
+LiveEvent = LiveFrame | LiveCatchingUp | LiveWarning | LiveFailure | LiveDone

@@ -23,7 +23,7 @@ _LEAST_RISE_KPA = 0.002
 _MOST_AT_REST = 16
 
 #: How far the jacks may stand from where they stood in the calibration's biprism scan.
-_JACK_MM = 0.5
+JACK_MM = 0.5
 
 #: Without readings of the pressure, or in a sphere's frames, the first one is the reference.
 _MEASURED: tuple[PhaseName, ...] = ("inflation", "sphere")
@@ -62,7 +62,7 @@ def choose_frames(run: RunFile, phase: PhaseName | None, stereo: StereoSource, r
         raise InputError(f"{run.path}: it has no {wanted} frames of the primary camera; record or import them")
     table = run.table("primary", chosen)
     other = run.table("auxiliary", chosen) if "auxiliary" in run.cameras else None
-    raised = np.abs(table["jack_mm"] - raised_mm) <= _JACK_MM
+    raised = np.abs(table["jack_mm"] - raised_mm) <= JACK_MM
     known = np.isfinite(table["jack_mm"]) & np.isfinite(raised_mm)
     paired = np.zeros(len(table), bool) if other is None else np.isin(table["time_s"], other["time_s"])
     told = paired.any() and not paired[~known].all()

@@ -1,7 +1,7 @@
 """Every message sent to the LabJack, byte by byte: Modbus TCP written out from the protocol table and the standard.
 
-55100 = D73C, 60000 = EA60, 60004 = EA64, 60028 = EA7C, 40000 = 9C40, 41000 = A028, 41500 = A21C, 42000 = A410, 1000 = 03E8;
-floats are IEEE 754, upper word first: 7.0 = 40E00000, 10.0 = 41200000, 1.5 = 3FC00000, 3.125 = 40480000.
+55100 = D73C, 60000 = EA60, 60004 = EA64, 60028 = EA7C, 40000 = 9C40, 41000 = A028, 41500 = A21C, 42000 = A410,
+1000 = 03E8; floats are IEEE 754, upper word first: 7.0 = 40E00000, 10.0 = 41200000, 1.5 = 3FC00000, 3.125 = 40480000.
 """
 
 import pytest
