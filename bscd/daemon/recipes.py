@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -51,6 +51,8 @@ class Align(Recipe):
 
 
 class _Scan(Recipe):
+    kind: ClassVar[Literal["reference", "bsc"]]
+
     positions: int | None = Field(default=None, ge=1, le=401, description="positions, odd; none: as configured")
     step_mm: float | None = Field(default=None, gt=0.0, allow_inf_nan=False, description="between positions, mm")
     frames_per_position: int | None = Field(default=None, ge=1, le=1000)
@@ -63,35 +65,24 @@ class _Scan(Recipe):
         """The scan, with what is not given here as ``configured``. Raises `ValueError` for one that can not be."""
         own = {name: getattr(self, name) for name in _Scan.model_fields if name not in Recipe.model_fields}
         given = {name: value for name, value in own.items() if value is not None}
-        return ScanRecipe(**{**configured, **given, "kind": "reference" if self.kind == "reference" else "bsc"})
-
-    @property
-    def kind(self) -> Literal["reference", "bsc"]:
-        """Which of the two scans."""
-        raise NotImplementedError
+        return ScanRecipe(**{**configured, **given, "kind": self.kind})
 
 
 class ReferenceScan(_Scan):
     """Scan the cube with the standard pair, the biprism lowered (paper, section 2.2.1)."""
 
-    recipe: Literal["reference-scan"] = "reference-scan"
+    kind: ClassVar[Literal["reference", "bsc"]] = "reference"
 
-    @property
-    def kind(self) -> Literal["reference", "bsc"]:
-        """The reference scan."""
-        return "reference"
+    recipe: Literal["reference-scan"] = "reference-scan"
 
 
 class BscScan(_Scan):
     """Scan the cube through the biprism (paper, section 2.2.2), or ``between`` a scan's positions to validate one."""
 
+    kind: ClassVar[Literal["reference", "bsc"]] = "bsc"
+
     recipe: Literal["bsc-scan"] = "bsc-scan"
     between: bool = Field(default=False, description="half-way between the positions, turned by 3 deg: for validation")
-
-    @property
-    def kind(self) -> Literal["reference", "bsc"]:
-        """The biprism scan."""
-        return "bsc"
 
 
 class Calibrate(Recipe):
