@@ -11,7 +11,7 @@ from bscd.procedures.recipes import Finite, ScanRecipe
 from bscd.procedures.recording import InflationRecipe, SphereRecipe
 
 #: Names of files in the data folder, without their ending; nothing in one can lead out of it.
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,79}$")]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,119}$")]
 Specimen = Literal["cube", "sphere", "membrane"]
 
 
@@ -139,7 +139,7 @@ class CampaignStep(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: Name
+    name: Annotated[Name, Field(max_length=60)]
     do: SingleRecipe
 
 

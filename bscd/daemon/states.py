@@ -1,4 +1,4 @@
-"""The rig's states and the only ways between them; `TRANSITIONS` is the table that the documentation's diagram shows."""
+"""The rig's states and the only ways between them; the documentation's diagram is made of `TRANSITIONS`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _Machine = _machine()
 
 
 class RigStates:
-    """The rig's state, from any thread; ``on_change(before, after, reason)`` is called once a change, in their order."""
+    """The rig's state, from any thread; ``on_change(before, after, reason)`` is called once a change, in order."""
 
     def __init__(self, on_change: Callable[[RigState, RigState, str], None] = lambda *_: None) -> None:
         self._lock = threading.RLock()

@@ -6,10 +6,10 @@ from bscd.procedures.calibrate import calibrate_observations, calibrate_runs
 from bscd.procedures.dry_run import DryRun, dry_run
 from bscd.procedures.home import Homed, home
 from bscd.procedures.observe import MissingInView, Observations, observe
-from bscd.procedures.progress import ProcedureStoppedError, Progress, ProgressCallback
+from bscd.procedures.progress import PausableStop, ProcedureStoppedError, Progress, ProgressCallback
 from bscd.procedures.recipes import ScanKind, ScanRecipe, ScanStep
 from bscd.procedures.rig import Rig, RigNotReadyError
-from bscd.procedures.scan import ScanResult, record_scan, resume_scan
+from bscd.procedures.scan import ScanResult, record_scan, recorded_steps, resume_scan
 from bscd.procedures.validate import CalibrationCheck, check_calibration, record_validation, validate_run
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Homed",
     "MissingInView",
     "Observations",
+    "PausableStop",
     "ProcedureStoppedError",
     "Progress",
     "ProgressCallback",
@@ -39,6 +40,7 @@ __all__ = [
     "observe",
     "record_scan",
     "record_validation",
+    "recorded_steps",
     "resume_scan",
     "validate_run",
 ]

@@ -39,7 +39,9 @@ class DryRun:
             raise InputError(f"scan refused, nothing moved: {'; '.join(self.problems)}")
 
 
-def dry_run(rig: Rig, recipe: ScanRecipe, *, start: int = 0, free_bytes: int | None = None) -> DryRun:
+def dry_run(
+    rig: Rig, recipe: ScanRecipe, *, start: int = 0, free_bytes: int | None = None, homed: bool = False
+) -> DryRun:
     """Check a scan against the rig's limits and estimate it; moves nothing, takes no frame.
 
     Parameters
@@ -48,6 +50,8 @@ def dry_run(rig: Rig, recipe: ScanRecipe, *, start: int = 0, free_bytes: int | N
         The step to begin with, as when a scan goes on.
     free_bytes
         Space on the disk that it is to be written to, when known.
+    homed
+        The axes will be homed before.
     """
     steps = recipe.steps()
     if not 0 <= start < len(steps):
@@ -57,7 +61,7 @@ def dry_run(rig: Rig, recipe: ScanRecipe, *, start: int = 0, free_bytes: int | N
     problems = [f"the {role} camera is missing" for role in recipe.camera_roles if role not in cameras]
     targets = axis_targets(rig, recipe, left)
     for role, positions in targets.items():
-        problems += axis_problems(role, rig.axes[role], positions)
+        problems += axis_problems(role, rig.axes[role], positions, homed=homed)
     for role, camera in cameras.items():
         problems += camera_problems(role, camera, recipe.exposure_s, recipe.gain_db)
     frame_bytes = sum(bytes_per_frame(camera) for camera in cameras.values())
@@ -88,13 +92,13 @@ def prism_height_mm(rig: Rig, recipe: ScanRecipe) -> float:
     return rig.raised_mm if recipe.kind == "bsc" else rig.lowered_mm
 
 
-def axis_problems(role: str, axis: Axis, positions: list[float]) -> list[str]:
-    """Sentences on what keeps an axis from going to all of these readings."""
+def axis_problems(role: str, axis: Axis, positions: list[float], *, homed: bool = False) -> list[str]:
+    """Sentences on what keeps an axis from going to all of these readings; ``homed``: it will be homed before."""
     info, status = axis.info(), axis.status()
     problems = []
     if status.fault:
         problems.append(f"{role}: {status.fault}; free the axis and home it")
-    if not status.homed:
+    if not (homed or status.homed):
         problems.append(f"{role}: not homed; home it first")
     outside = [position for position in positions if not info.limits.contains(position)]
     if outside:

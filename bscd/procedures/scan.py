@@ -91,7 +91,7 @@ def resume_scan(
     """
     with RunFile(path) as run:
         recipe = _stored_recipe(run)
-        recorded, total = _recorded_steps(run, recipe), len(recipe.steps())
+    recorded, total = recorded_steps(path)
     writer = RunWriter.reopen(path)
     try:
         first = recorded if first_step is None else first_step
@@ -105,6 +105,16 @@ def resume_scan(
         writer.interrupt(str(error) or type(error).__name__)
         raise
     return _scan(rig, recipe, target, writer, first, progress, stop)
+
+
+def recorded_steps(path: str | Path) -> tuple[int, int]:
+    """How many steps of a scan's file are recorded, from the first on, and of how many.
+
+    Raises `InputError` for a file that holds no scan.
+    """
+    with RunFile(path) as run:
+        recipe = _stored_recipe(run)
+        return _recorded_steps(run, recipe), len(recipe.steps())
 
 
 def _scan(

@@ -9,8 +9,8 @@ import pytest
 
 from bscd.acquisition import RunFile
 from bscd.calibration import Calibration
-from bscd.cli.emulate import emulated_devices, real_configuration
 from bscd.composition import build_devices, build_world
+from bscd.composition.emulated import emulated_devices, real_configuration
 from bscd.config import RigConfig, parse_config
 from bscd.procedures import Rig, ScanRecipe, calibrate_runs, home, record_scan
 from drivers.clock import Clock, HostClock, VirtualClock

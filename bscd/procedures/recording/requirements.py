@@ -14,17 +14,27 @@ from bscd.procedures.rig import CameraRole, Rig
 
 def require_sphere(rig: Rig, recipe: SphereRecipe, path: Path) -> None:
     """Raise `InputError` with all that keeps a sphere from being recorded."""
+    _refuse("sphere", sphere_problems(rig, recipe, path))
+
+
+def sphere_problems(rig: Rig, recipe: SphereRecipe, path: Path, *, homed: bool = False) -> list[str]:
+    """What keeps a sphere from being recorded, a sentence each; ``homed``: the axes will be homed before."""
     heights = [rig.raised_mm, rig.lowered_mm] if recipe.standard_pair else [rig.raised_mm]
     roles: list[CameraRole] = ["primary", "auxiliary"] if recipe.standard_pair else ["primary"]
-    problems = axis_problems("jacks", rig.jacks, heights) + _cameras(rig, roles, recipe)
+    problems = axis_problems("jacks", rig.jacks, heights, homed=homed) + _cameras(rig, roles, recipe)
     if not problems:
         problems += _disk(rig, roles, 2 * recipe.frames, path)
-    _refuse("sphere", problems)
+    return problems
 
 
 def require_inflation(rig: Rig, recipe: InflationRecipe, path: Path) -> None:
     """Raise `InputError` with all that keeps an inflation from being recorded."""
-    problems = axis_problems("jacks", rig.jacks, [rig.raised_mm]) + _cameras(rig, ["primary"], recipe)
+    _refuse("inflation", inflation_problems(rig, recipe, path))
+
+
+def inflation_problems(rig: Rig, recipe: InflationRecipe, path: Path, *, homed: bool = False) -> list[str]:
+    """What keeps an inflation from being recorded, a sentence each; ``homed``: the axes will be homed before."""
+    problems = axis_problems("jacks", rig.jacks, [rig.raised_mm], homed=homed) + _cameras(rig, ["primary"], recipe)
     exposure_s = recipe.exposure_s or rig.primary.status().exposure_s
     if exposure_s * recipe.frame_rate_hz > 1.0:
         problems.append(
@@ -33,7 +43,7 @@ def require_inflation(rig: Rig, recipe: InflationRecipe, path: Path) -> None:
     problems += _pressure(rig, recipe)
     if not problems:
         problems += _disk(rig, ["primary"], recipe.frame_count, path)
-    _refuse("inflation", problems)
+    return problems
 
 
 def _pressure(rig: Rig, recipe: InflationRecipe) -> list[str]:

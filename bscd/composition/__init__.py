@@ -7,6 +7,7 @@ from typing import Any
 from bscd.config import RigConfig
 from bscd.config.load import DEVICE_KINDS, WORLD_DRIVER
 from drivers.clock import Clock
+from drivers.operator import Operator
 from drivers.registry import DriverContext, installed_drivers
 
 
@@ -17,13 +18,17 @@ def build_world(config: RigConfig, clock: Clock) -> Any:
     return installed_drivers()[WORLD_DRIVER].factory(config.twin, DriverContext("twin", clock))
 
 
-def build_devices(config: RigConfig, clock: Clock, world: Any = None) -> dict[str, Any]:
-    """The configured devices by their names in the configuration; None for those that are left out."""
+def build_devices(
+    config: RigConfig, clock: Clock, world: Any = None, operator: Operator | None = None
+) -> dict[str, Any]:
+    """The configured devices by their names in the configuration; None for those that are left out.
+
+    ``operator`` is who answers what a driver has to ask a person.
+    """
     registry = installed_drivers()
     devices: dict[str, Any] = {}
     for name in DEVICE_KINDS:
         chosen = getattr(config.devices, name)
-        devices[name] = (
-            registry[chosen.driver].factory(chosen.options, DriverContext(name, clock, world)) if chosen else None
-        )
+        context = DriverContext(name, clock, world, operator)
+        devices[name] = None if chosen is None else registry[chosen.driver].factory(chosen.options, context)
     return devices
