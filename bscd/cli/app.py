@@ -16,6 +16,7 @@ from drivers.errors import DeviceError
 #: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.
 COMMANDS = (
     "demo",
+    "serve",
     "import_",
     "calibrate",
     "measure",

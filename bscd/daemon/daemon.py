@@ -5,9 +5,11 @@ from __future__ import annotations
 import shutil
 import threading
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import structlog
 
@@ -27,7 +29,7 @@ from bscd.daemon.estop import EmergencyStop
 from bscd.daemon.events import EventLog
 from bscd.daemon.files import DataFolder
 from bscd.daemon.jobs import utc_now
-from bscd.daemon.journal import Journal
+from bscd.daemon.journal import Journal, JournalError
 from bscd.daemon.keys import KeyStore
 from bscd.daemon.latest import LatestFrames
 from bscd.daemon.lease import ControlLease
@@ -36,7 +38,7 @@ from bscd.daemon.prompts import Prompts
 from bscd.daemon.recipes import AnyRecipe
 from bscd.daemon.recovering import recover_runs
 from bscd.daemon.states import RigStates
-from bscd.errors import BscdError
+from bscd.errors import BscdError, InputError
 from bscd.procedures import Rig, RigNotReadyError
 from bscd.version import __version__
 from drivers.clock import Clock, HostClock
@@ -233,6 +235,21 @@ class Daemon:
         dead = [name for name, thread in self.engine.shop.threads().items() if not thread.is_alive()]
         return not dead, f"{', '.join(dead)}: ended" if dead else ""
 
+    def progress(self) -> dict[str, Callable[[], int]]:
+        """Counters of the daemon's parts, each of which grows while that part is well.
+
+        A recording must bring frames; another job may wait for an axis as long as that takes, while its devices answer.
+        """
+        shop, poller = self.engine.shop, self.poller
+
+        def bench() -> int:
+            return shop.turns["bench"] + (poller.turns if shop.running["bench"] and not shop.recording else 0)
+
+        def desk() -> int:
+            return shop.turns["desk"] + (poller.turns if shop.running["desk"] else 0)
+
+        return {"engine": bench, "desk": desk, "poller": lambda: poller.turns}
+
     def close(self) -> None:
         """End jobs as interrupted, vent, release every device, close the journal."""
         self.poller.close()
@@ -263,6 +280,8 @@ class Daemon:
         _LOG.warning("e-stop", by=document.by, took_ms=document.took_ms, failures=list(document.failures))
         if self._engine is not None:
             self._engine.abort_bench(f"e-stop by {document.by}")
+        with suppress(JournalError):
+            self.journal.audit(document.by, "e-stop", "every axis, pressure", "latched", "; ".join(document.failures))
 
     def _lost(self, names: tuple[str, ...]) -> None:
         if self.states.state is RigState.IDLE:
@@ -299,11 +318,18 @@ class Daemon:
 
 
 def open_daemon(
-    path: Path, *, emulate: bool = False, attended: bool | None = None, clock: Clock | None = None
+    path: Path, *, emulate: bool = False, attended: bool | None = None, clock: Clock | None = None, **changes: Any
 ) -> Daemon:
-    """The daemon of a configuration file. Raises `InputError` for one that is wrong."""
-    text = path.read_text(encoding="utf-8")
+    """The daemon of a configuration file, with ``changes`` to its [daemon] section.
+
+    Raises `InputError` for one that is wrong.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: can not be read ({error.strerror}); name a configuration") from error
     config = parse_config(text, str(path))
+    config = config.model_copy(update={"daemon": config.daemon.model_copy(update=changes)})
     return Daemon(config, text, path.absolute().parent, clock=clock, emulate=emulate, attended=attended)
 
 

@@ -150,7 +150,7 @@ class OneShotTokens:
     """Tokens for what takes no header (an image's or an event stream's address): each opens one once, and soon."""
 
     def __init__(self, lifetime_s: float = 30.0, clock: Callable[[], float] = time.monotonic, most: int = 1000) -> None:
-        self._lifetime_s, self._clock, self._most = lifetime_s, clock, most
+        self.lifetime_s, self._clock, self._most = lifetime_s, clock, most
         self._lock = threading.Lock()
         self._issued: dict[str, tuple[float, KeyDocument]] = {}
 
@@ -162,7 +162,7 @@ class OneShotTokens:
             self._issued = {one: kept for one, kept in self._issued.items() if kept[0] > now_s}
             while len(self._issued) >= self._most:
                 self._issued.pop(next(iter(self._issued)))
-            self._issued[_hashed(token)] = now_s + self._lifetime_s, holder
+            self._issued[_hashed(token)] = now_s + self.lifetime_s, holder
         return token
 
     def redeem(self, token: str) -> KeyDocument | None:

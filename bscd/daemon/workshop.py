@@ -77,6 +77,13 @@ class Workshop:
         for thread in self._threads:
             thread.start()
 
+    @property
+    def recording(self) -> bool:
+        """Whether frames are recorded now that must not be missed."""
+        running = self.running["bench"]
+        progress = None if running is None else self.jobs.get(running).progress
+        return progress is not None and progress.unit == "frames" and progress.done < progress.total
+
     def wake(self) -> None:
         """Look whether a job can begin; waits for nobody."""
         for look in self._look.values():

@@ -1,0 +1,88 @@
+"""The API as an ASGI application around one daemon."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import Depends, FastAPI, Response
+from fastapi.openapi.utils import get_openapi
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+from bscd.api import metrics
+from bscd.api.gatekeeping import Audit, RateLimit, SizeLimit
+from bscd.api.problems import PROBLEMS, Problem, add_handlers
+from bscd.api.routes import camera, control, events, files, jobs, status
+from bscd.api.security import BEARER, OPERATOR, Gate, Viewer, is_loopback
+from bscd.daemon.daemon import Daemon
+from bscd.version import __version__
+
+PREFIX = "/api/v1"
+
+#: Names that this computer has for itself: no other name leads here, so no page of another host can pretend to be ours.
+_OWN_NAMES = ["127.0.0.1", "localhost", "[::1]", "testserver"]
+
+_ESTOPS = 4
+
+
+def create_app(daemon: Daemon) -> FastAPI:
+    """The application; the daemon's owner closes the daemon."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        yield
+        app.state.closing.set()
+        app.state.estop_threads.shutdown(wait=False)
+
+    app = FastAPI(
+        title="bscd",
+        version=__version__,
+        summary="Measurement daemon of a biprism single-camera stereo-DIC rig",
+        docs_url=None,  # they load from another host
+        redoc_url=None,
+        openapi_url=f"{PREFIX}/openapi.json",
+        lifespan=lifespan,
+        separate_input_output_schemas=False,
+    )
+    app.state.daemon, app.state.gate = daemon, Gate(daemon)
+    app.state.closing = asyncio.Event()
+    app.state.estop_threads = ThreadPoolExecutor(_ESTOPS, thread_name_prefix="e-stop request")
+    add_handlers(app)
+    shown = [Depends(BEARER), Depends(OPERATOR)]
+    for each in (status.router, jobs.router, control.router, files.router, events.router, camera.router):
+        app.include_router(each, prefix=PREFIX, responses=PROBLEMS, dependencies=shown)
+    app.include_router(status.health)
+    registry = CollectorRegistry()
+    registry.register(metrics.RigFigures(daemon))
+
+    @app.get("/metrics", tags=["health"], response_class=Response, responses={**_TEXT, **PROBLEMS}, dependencies=shown)
+    def figures(who: Viewer) -> Response:
+        """Figures for Prometheus."""
+        return Response(metrics.text_of(registry), media_type=CONTENT_TYPE_LATEST)
+
+    app.add_middleware(SizeLimit, most_bytes=daemon.settings.request_limit_bytes)
+    app.add_middleware(Audit, daemon=daemon)
+    app.add_middleware(RateLimit, requests_per_s=daemon.settings.requests_per_s)
+    app.add_middleware(metrics.RequestFigures, registry=registry)
+    if is_loopback(daemon.settings.host):
+        app.add_middleware(TrustedHostMiddleware, allowed_hosts=_OWN_NAMES)
+    app.openapi = lambda: _openapi(app)
+    return app
+
+
+_TEXT: dict[int | str, dict[str, Any]] = {200: {"description": "in its text format", "content": {"text/plain": {}}}}
+
+
+def _openapi(app: FastAPI) -> dict[str, Any]:
+    if app.openapi_schema is None:
+        made = get_openapi(title=app.title, version="1", summary=app.summary, routes=app.routes)
+        schemas = made["components"]["schemas"]
+        schemas["Problem"] = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(unused, None)
+        app.openapi_schema = made
+    return app.openapi_schema

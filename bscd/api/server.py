@@ -1,0 +1,116 @@
+"""Serve a daemon: its API and the e-stop's own listener, until it is asked to end."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import structlog
+import uvicorn
+
+from bscd.api.app import create_app
+from bscd.api.security import Gate, is_loopback
+from bscd.daemon.daemon import Daemon
+from bscd.daemon.estop_listener import EStopListener
+from bscd.daemon.watchdog import Watchdog, notify, period_s
+from bscd.errors import InputError
+
+_LOG = structlog.get_logger(__name__)
+_GRACE_S = 5
+_BEAT_S = 0.5
+
+
+@dataclass(frozen=True)
+class Served:
+    """Where it answers."""
+
+    url: str
+    estop_url: str
+
+
+def require_safe(daemon: Daemon) -> None:
+    """Raise `InputError` for an address that others reach while nobody needs a key."""
+    host = daemon.settings.host
+    if not is_loopback(host) and daemon.keys.empty:
+        raise InputError(
+            f"[daemon] host = {host!r} can be reached by others, and there are no keys; make one with "
+            f"bscd keys add NAME --role admin, or listen on 127.0.0.1"
+        )
+
+
+def serve(daemon: Daemon, ready: Callable[[Served], None] = lambda _: None) -> None:
+    """Serve until SIGINT or SIGTERM; the daemon stays open.
+
+    Raises `InputError` for an address that others reach without keys, or that is taken.
+    """
+    require_safe(daemon)
+    settings = daemon.settings
+    with ExitStack() as ends:
+        try:
+            listener = EStopListener(daemon.estop, settings.host, settings.estop_port, Gate(daemon).admits)
+        except OSError as error:
+            raise InputError(
+                f"the e-stop's port {settings.estop_port} on {settings.host} can not be had ({error}); "
+                f"change [daemon] estop_port"
+            ) from error
+        ends.callback(listener.close)
+        place = ends.enter_context(_listening(settings.host, settings.port))
+        url = f"http://{_shown(settings.host)}:{place.getsockname()[1]}"
+        served = Served(url, f"http://{_shown(settings.host)}:{listener.port}/estop")
+        server = _Server(daemon, lambda: ready(served))
+        if (ping_s := period_s()) is not None:
+            ends.callback(Watchdog(daemon.progress() | {"event loop": lambda: server.beats}, ping_s).close)
+        _LOG.info("serving", url=served.url, estop=served.estop_url)
+        server.run(sockets=[place])
+        notify("STOPPING=1")
+
+
+class _Server(uvicorn.Server):
+    """Says when it is ready; ends streams before it waits for connections to end; beats while its loop turns."""
+
+    def __init__(self, daemon: Daemon, ready: Callable[[], None]) -> None:
+        self._app = create_app(daemon)
+        self._ready = ready
+        self.beats = 0
+        config = uvicorn.Config(
+            self._app, log_config=None, access_log=False, timeout_graceful_shutdown=_GRACE_S, ws="none", lifespan="on"
+        )
+        super().__init__(config)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's; then tell."""
+        await super().startup(sockets=sockets)
+        self._beat = asyncio.create_task(self._beating())
+        if not self.should_exit:
+            notify("READY=1")
+            self._ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's, streams first."""
+        self._app.state.closing.set()
+        self._beat.cancel()
+        await super().shutdown(sockets=sockets)
+
+    async def _beating(self) -> None:
+        while True:
+            self.beats += 1
+            await asyncio.sleep(_BEAT_S)
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    place = socket.socket(family, socket.SOCK_STREAM)
+    place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        place.bind((host, port))
+    except OSError as error:
+        place.close()
+        raise InputError(f"port {port} on {host} can not be had ({error.strerror}); change [daemon] port") from error
+    return place
+
+
+def _shown(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
