@@ -13,21 +13,26 @@ from bscd.errors import BscdError
 from bscd.version import __version__
 from drivers.errors import DeviceError
 
-#: Modules with a ``register(app)`` of their own, in the order of ``bscd --help``.
-COMMANDS = (
-    "demo",
-    "serve",
-    "import_",
-    "calibrate",
-    "measure",
-    "export",
-    "record",
-    "recover",
-    "devices",
-    "emulate",
-    "config",
-    "design",
-)
+#: Modules with a ``register(app)`` of their own and the commands that each adds, in the order of ``bscd --help``.
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "demo": ("demo",),
+    "serve": ("serve",),
+    "import_": ("import",),
+    "calibrate": ("calibrate",),
+    "measure": ("measure",),
+    "export": ("export",),
+    "record": ("record",),
+    "recover": ("recover",),
+    "devices": ("devices",),
+    "emulate": ("emulate",),
+    "config": ("config",),
+    "design": ("design",),
+    "remote.status": ("status", "estop"),
+    "remote.run": ("run",),
+    "remote.jobs": ("jobs", "pause", "resume", "stop", "abort", "confirm"),
+    "remote.files": ("runs", "download"),
+    "keys": ("keys",),
+}
 
 DONE, FAILED = 0, 1
 
@@ -51,7 +56,7 @@ def build_app(arguments: Sequence[str] = ()) -> typer.Typer:
     ) -> None:
         pass
 
-    named = [name for name in COMMANDS if name.rstrip("_") in arguments[:1]]
+    named = [module for module, commands in COMMANDS.items() if set(commands) & set(arguments[:1])]
     for name in named or COMMANDS:
         importlib.import_module(f"bscd.cli.{name}").register(app)
     return app

@@ -300,7 +300,7 @@ def test_a_large_header_in_a_small_file_does_not_take_the_memory(folder, tmp_pat
 @pytest.fixture
 def only_import(monkeypatch):
     """The command line with this command alone, which loads faster."""
-    monkeypatch.setattr("bscd.cli.app.COMMANDS", ("import_",))
+    monkeypatch.setattr("bscd.cli.app.COMMANDS", {"import_": ("import",)})
 
 
 @pytest.mark.usefixtures("only_import")

@@ -11,7 +11,7 @@ from drivers.errors import OutOfLimitsError
 @pytest.fixture
 def failing(monkeypatch):
     """Makes `bscd config check` raise the error that it is called with."""
-    monkeypatch.setattr(command_line, "COMMANDS", ("config",))
+    monkeypatch.setattr(command_line, "COMMANDS", {"config": ("config",)})
 
     def arrange(error: BaseException) -> None:
         def check(path):
@@ -49,7 +49,7 @@ def test_a_mistake_of_our_own_is_not_hidden(failing):
 
 @pytest.mark.parametrize("arguments", [["config"], ["config", "check"], ["config", "schema", "--deep"], ["confgi"]])
 def test_bad_usage_ends_with_2(monkeypatch, capsys, arguments):
-    monkeypatch.setattr(command_line, "COMMANDS", ("config",))
+    monkeypatch.setattr(command_line, "COMMANDS", {"config": ("config",)})
     assert run(arguments) == 2
     told = capsys.readouterr()
     assert "Usage" in told.out + told.err
@@ -61,7 +61,7 @@ def test_an_interrupt_ends_with_1(failing):
 
 
 def test_a_command_does_not_wait_for_the_libraries_of_others(monkeypatch, capsys):
-    monkeypatch.setattr(command_line, "COMMANDS", ("config", "not_there"))
+    monkeypatch.setattr(command_line, "COMMANDS", {"config": ("config",), "not_there": ("not_there",)})
     assert run(["config", "schema"]) == 0
     with pytest.raises(ModuleNotFoundError):
         run(["--help"])

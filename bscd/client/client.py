@@ -1,0 +1,239 @@
+"""Talk to a running daemon from Python."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import httpx
+from httpx_sse import connect_sse
+from pydantic import BaseModel
+
+from bscd.client import calls
+from bscd.client.calls import Call, Camera, Kind
+from bscd.client.connection import DEFAULT_URL, Connection
+from bscd.client.errors import NoDaemonError, raise_for
+from bscd.client.following import AGAIN_S, SILENCE_S, JobFollower
+from bscd.daemon.documents import (
+    DeviceDocument,
+    EStopDocument,
+    FileDocument,
+    JobDocument,
+    JobStatus,
+    LeaseDocument,
+    StatusDocument,
+    ValidationDocument,
+)
+from bscd.errors import BscdError
+
+Answer = TypeVar("Answer")
+_CHUNK = 1 << 20
+
+
+class Client:
+    """A daemon at ``url``; a context manager. `AsyncClient` is the same for asyncio.
+
+    >>> with bscd.Client() as rig:
+    ...     job = rig.submit({"recipe": "home"})
+    ...     for now in rig.follow(job.id):
+    ...         print(now.status, now.progress)
+
+    ``key`` is an API key; where none is needed ``operator`` says whose hand it is. Every call raises `NoDaemonError`
+    when nobody answers, and the daemon's own errors (`bscd.daemon.errors`) for what it refuses.
+    """
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        key: str | None = None,
+        operator: str | None = None,
+        estop_url: str | None = None,
+        timeout_s: float = 30.0,
+    ) -> None:
+        self._to = Connection(url, key, operator, estop_url, timeout_s)
+        self._http = httpx.Client(base_url=self._to.url, headers=self._to.headers, timeout=timeout_s)
+
+    def status(self) -> StatusDocument:
+        """Everything at a glance."""
+        return self._do(calls.status())
+
+    def devices(self) -> dict[str, DeviceDocument]:
+        """The devices as they were last seen."""
+        return self._do(calls.devices())
+
+    def connect(self) -> StatusDocument:
+        """Connect the rig; nothing moves."""
+        return self._do(calls.rig("connect"))
+
+    def disconnect(self) -> StatusDocument:
+        """Vent and release every device."""
+        return self._do(calls.rig("disconnect"))
+
+    def validate(self, recipe: BaseModel | dict[str, Any]) -> ValidationDocument:
+        """What a recipe would take, and what keeps it from starting."""
+        return self._do(calls.validate(recipe))
+
+    def submit(self, recipe: BaseModel | dict[str, Any], *, idempotency_key: str | None = None) -> JobDocument:
+        """Put a job in line; the same key gives the same job."""
+        return self._do(calls.submit(recipe, idempotency_key))
+
+    def jobs(self, status: JobStatus | None = None, limit: int = 100, before: str | None = None) -> list[JobDocument]:
+        """The newest first."""
+        return self._do(calls.jobs(status, limit, before))
+
+    def job(self, job_id: str) -> JobDocument:
+        """A job as it is now."""
+        return self._do(calls.job(job_id))
+
+    def pause(self, job_id: str) -> JobDocument:
+        """Stand still at the next safe point."""
+        return self._do(calls.act(job_id, "pause"))
+
+    def resume(self, job_id: str) -> JobDocument:
+        """Go on after a pause."""
+        return self._do(calls.act(job_id, "resume"))
+
+    def stop(self, job_id: str) -> JobDocument:
+        """End at the next safe point and keep what there is."""
+        return self._do(calls.act(job_id, "stop"))
+
+    def abort(self, job_id: str, reason: str = "") -> JobDocument:
+        """End at once."""
+        return self._do(calls.act(job_id, "abort", {"reason": reason}))
+
+    def resume_from(self, job_id: str, step: int | None = None) -> JobDocument:
+        """Begin again a job that ended early, where it ended or at a step."""
+        return self._do(calls.act(job_id, "resume-from", {"step": step}))
+
+    def confirm(self, job_id: str, prompt: int, value: float | None = None) -> JobDocument:
+        """Answer the question of a job that waits."""
+        return self._do(calls.act(job_id, "confirm", {"prompt": prompt, "value": value}))
+
+    def estop(self, reason: str = "") -> EStopDocument:
+        """Stop everything; by the e-stop's own listener where the API does not answer soon."""
+        try:
+            return self._do(calls.estop(reason), timeout_s=2.0)
+        except NoDaemonError:
+            try:
+                response = httpx.post(self._to.estop_url, headers=self._to.headers, timeout=5.0)
+            except httpx.TransportError as error:
+                raise NoDaemonError(f"{self._to.estop_url}: does not answer either: {error}") from error
+            raise_for(response)
+            return EStopDocument.model_validate_json(response.content)
+
+    def reset_estop(self) -> StatusDocument:
+        """Let things move again; nothing does by itself."""
+        return self._do(calls.rig("estop/reset"))
+
+    def follow(self, job_id: str, *, patience_s: float = 60.0) -> Iterator[JobDocument]:
+        """The job each time something of it changes, up to its end; over broken lines for ``patience_s``."""
+        follower, silent_since_s = JobFollower(job_id), time.monotonic()
+        while True:
+            try:
+                with connect_sse(
+                    self._http, "GET", f"{calls.API}/events", headers=follower.headers, timeout=SILENCE_S
+                ) as source:
+                    if not source.response.is_success:
+                        source.response.read()
+                        raise_for(source.response)
+                    if job := follower.news(self.job(job_id)):
+                        yield job
+                        if job.status.ended:
+                            return
+                    for event in source.iter_sse():
+                        silent_since_s = time.monotonic()
+                        if job := follower.taken(event):
+                            yield job
+                            if job.status.ended:
+                                return
+            except (httpx.TransportError, NoDaemonError) as error:
+                if time.monotonic() - silent_since_s > patience_s:
+                    raise NoDaemonError(f"{self._to.url}: has not answered for {patience_s:g} s") from error
+            time.sleep(AGAIN_S)
+
+    def wait(self, job_id: str) -> JobDocument:
+        """The job at its end. Raises `BscdError` with its reason unless it was done."""
+        job = None
+        for job in self.follow(job_id):  # noqa: B007 - the last one is wanted
+            pass
+        if job is None or job.status is not JobStatus.DONE:
+            told = "nothing is known of it" if job is None else f"{job.status.value}: {job.reason}"
+            raise BscdError(f"job {job_id}: {told}")
+        return job
+
+    def files(self, kind: Kind) -> list[FileDocument]:
+        """Runs, calibrations, results or reports, the newest first."""
+        return self._do(calls.files(kind))
+
+    def download(self, kind: Kind, name: str, to: Path | str, *, file: str = "report.html") -> Path:
+        """Fetch a file into the new file ``to``; one that was cut off goes on where it ended (``to``.part).
+
+        Raises `BscdError` when ``to`` exists.
+        """
+        path = Path(to)
+        if path.exists():
+            raise BscdError(f"{path}: exists already; nothing is overwritten, choose another name")
+        part = path.with_name(path.name + ".part")
+        try:
+            self._fetch(calls.file_path(kind, name, file), part)
+        except httpx.TransportError as error:
+            raise NoDaemonError(f"{name}: the download was cut off ({error}); ask again and it goes on") from error
+        part.rename(path)
+        return path
+
+    def snapshot(self, camera: Camera = "primary", width_px: int = 1280) -> bytes:
+        """A camera's newest frame, JPEG."""
+        return self._do(calls.snapshot(camera, width_px))
+
+    @contextmanager
+    def control(self, *, force: bool = False) -> Iterator[LeaseDocument]:
+        """Be in control of the rig; each change renews it, and it is given back at the end."""
+        yield self._do(calls.take_lease(force=force))
+        self._do(calls.release_lease())
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def _do(self, call: Call[Answer], *, timeout_s: float | None = None) -> Answer:
+        try:
+            response = self._http.request(
+                call.method,
+                call.path,
+                json=call.body,
+                params=call.query,
+                headers=call.headers,
+                timeout=self._to.timeout_s if timeout_s is None else timeout_s,
+            )
+        except httpx.TransportError as error:
+            raise self._to.no_daemon(error) from error
+        raise_for(response)
+        return call.read(response.content)
+
+    def _fetch(self, path: str, part: Path) -> None:
+        have = part.stat().st_size if part.exists() else 0
+        headers = {"Range": f"bytes={have}-"} if have else {}
+        with self._http.stream("GET", path, headers=headers) as response:
+            if response.status_code == 416:  # it is whole
+                return
+            if not response.is_success:
+                response.read()
+                raise_for(response)
+            with part.open("ab" if response.status_code == 206 else "wb") as file:
+                for chunk in response.iter_bytes(_CHUNK):
+                    file.write(chunk)
+
+    def __enter__(self) -> Self:
+        """The client."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
