@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -161,7 +162,23 @@ class Journal:
             return list(connection.execute(query).scalars())
 
 
+def _version(path: Path) -> int:
+    """Of the file's layout; 0 where there is none yet. Changes nothing."""
+    if not path.exists():
+        return 0
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=_BUSY_S)) as connection:
+        try:
+            return int(connection.execute("PRAGMA user_version").fetchone()[0])
+        except sqlite3.DatabaseError:  # whoever opens it to write says what is wrong
+            return 0
+
+
 def _opened(path: Path) -> Engine:
+    if (version := _version(path)) > VERSION:
+        raise InputError(
+            f"{path}: is the journal of a newer bscd (version {version}, this one knows {VERSION}); "
+            f"install that one, or name another data folder"
+        )
     engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": _BUSY_S, "check_same_thread": False})
 
     @event.listens_for(engine, "connect")
@@ -171,16 +188,10 @@ def _opened(path: Path) -> Engine:
 
     try:
         with engine.begin() as connection:
-            version = int(connection.execute(text("PRAGMA user_version")).scalar() or 0)
-            if version > VERSION:
-                raise InputError(
-                    f"{path}: is the journal of a newer bscd (version {version}, this one knows {VERSION}); "
-                    f"install that one, or name another data folder"
-                )
             METADATA.create_all(connection)
             connection.execute(text(f"PRAGMA user_version = {VERSION}"))
             connection.execute(select(JOBS.c.id).limit(1)).all()
-    except (SQLAlchemyError, InputError):
+    except SQLAlchemyError:
         engine.dispose()
         raise
     return engine
