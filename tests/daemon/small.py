@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from drivers.clock import HostClock, VirtualClock
 from tests.drivers.test_rig_through_drivers import fast_twin
 
 #: Generous: computers of two busy cores.
-WAIT_S = 120.0
+WAIT_S = float(os.environ.get("BSCD_TEST_WAIT_S", "120"))
 
 RECIPE: TypeAdapter[Any] = TypeAdapter(AnyRecipe)
 
@@ -44,10 +45,14 @@ def small_daemon(
     connected: bool = True,
     attended: bool | None = None,
     sensor_px: int = 1280,
+    changes: Mapping[str, str] | None = None,
     **daemon: object,
 ) -> Iterator[Daemon]:
     """A daemon whose data folder is ``folder``/data; in virtual time a scan takes as long as its pictures."""
     text = config_text(sensor_px, **daemon)
+    for old, new in (changes or {}).items():
+        assert old in text
+        text = text.replace(old, new)
     clock = VirtualClock() if virtual else HostClock()
     with Daemon(parse_config(text), text, folder, clock=clock, attended=attended) as opened:
         if connected:
