@@ -44,13 +44,6 @@ def project(matrix: FloatArray, points_mm: FloatArray) -> FloatArray:
     return image[..., :2] / image[..., 2:]
 
 
-def projection_jacobian(matrix: FloatArray, points_mm: FloatArray) -> FloatArray:
-    """Derivatives ``(..., 2, 3)`` px/mm of `project` by the point."""
-    image = points_mm @ matrix[:, :3].T + matrix[:, 3]
-    xy = image[..., :2] / image[..., 2:]
-    return (matrix[:2, :3] - xy[..., :, None] * matrix[2, :3]) / image[..., 2, None, None]
-
-
 def fit_dlt(points_mm: FloatArray, xy_px: FloatArray, method: DltMethod = "refined") -> DltCamera:
     """Fit the 11 coefficients to control points ``(N, 3)`` mm and their images ``(N, 2)`` px.
 

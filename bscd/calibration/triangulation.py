@@ -9,15 +9,13 @@ from typing import Literal
 import numpy as np
 
 from bscd.arrays import BoolArray, FloatArray
-from bscd.calibration.dlt import project, projection_jacobian
+from bscd.calibration.triangulation_kernel import covariances, triangulate_points
 
 TriangulationMethod = Literal["linear", "optimal"]
 
 _GAUSS_NEWTON_STEPS = 4
 
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-
-#: A step as small as this ends the iteration; the next one would be some thousand times smaller.
+#: A step as small as this ends a point's iteration; the next one would be some thousand times smaller.
 _CONVERGED_MM = 1e-6
 
 
@@ -35,7 +33,10 @@ class Triangulated:
 
     def covariance_mm2(self, covariance_px2: FloatArray) -> FloatArray:
         """Covariance ``(N, 3, 3)`` for image covariances ``(2V, 2V)`` or ``(N, 2V, 2V)``."""
-        return self.jacobian @ covariance_px2 @ np.swapaxes(self.jacobian, 1, 2)
+        count, _, images = self.jacobian.shape
+        out = np.empty((count, 3, 3))
+        covariances(self.jacobian, np.ascontiguousarray(np.broadcast_to(covariance_px2, (count, images, images))), out)
+        return out
 
     def only(self, which: BoolArray) -> Triangulated:
         """Some of the points."""
@@ -50,55 +51,10 @@ def triangulate(
     "linear" solves the paper's equation 2, multiplied out, by least squares; "optimal" minimises the
     reprojection error. A NaN image gives a NaN point.
     """
-    points = triangulate_linear(matrices, xy_px)
-    measured = np.stack(xy_px, axis=1)
+    images = np.ascontiguousarray(np.stack(xy_px, axis=1), np.float64)
+    count, views = images.shape[:2]
+    xyz, residual, jacobian = np.empty((count, 3)), np.empty(images.shape), np.empty((count, 3, 2 * views))
     steps = _GAUSS_NEWTON_STEPS if method == "optimal" else 0
-    for _ in range(steps):
-        residual, design = _linearise(matrices, measured, points)
-        step = np.einsum("nij,nj->ni", _pseudo_inverse(design), residual)
-        points = points + step
-        if not np.any(np.abs(step) > _CONVERGED_MM):
-            break
-    residual, design = _linearise(matrices, measured, points)
-    return Triangulated(points, residual.reshape(measured.shape), _pseudo_inverse(design))
-
-
-def triangulate_linear(matrices: Sequence[FloatArray], xy_px: Sequence[FloatArray]) -> FloatArray:
-    """The least-squares solution ``(N, 3)`` of equation 2 multiplied out, for all views together."""
-    rows = [xy[:, :, None] * matrix[2] - matrix[:2] for matrix, xy in zip(matrices, xy_px, strict=True)]
-    system = np.concatenate(rows, axis=1)
-    left, right = system[:, :, :3], -system[:, :, 3]
-    normal = np.swapaxes(left, 1, 2) @ left
-    return _solve(normal, np.einsum("nij,ni->nj", left, right))
-
-
-def _linearise(
-    matrices: Sequence[FloatArray], measured: FloatArray, points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    residual = np.concatenate([measured[:, v] - project(m, points) for v, m in enumerate(matrices)], axis=1)
-    design = np.concatenate([projection_jacobian(m, points) for m in matrices], axis=1)
-    return residual, design
-
-
-def _pseudo_inverse(design: FloatArray) -> FloatArray:
-    """(J^T J)^-1 J^T of ``(N, 2V, 3)``; NaN stays NaN."""
-    normal = np.swapaxes(design, 1, 2) @ design
-    return _solve(normal, np.swapaxes(design, 1, 2))
-
-
-def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve symmetric ``(N, 3, 3)`` systems by Cramer's rule; rows that are not finite or singular give NaN.
-
-    The systems are scaled by their largest element, so that no determinant over- or underflows.
-    """
-    scale = np.abs(normal).max(axis=(1, 2))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        a, b, c, d, e, f = (normal[:, i, j] / scale for i, j in _UPPER)
-        cofactors = (d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b)
-        determinant = a * cofactors[0] + b * cofactors[1] + c * cofactors[2]
-        share = 1.0 / (determinant * scale)
-        inverse = np.empty_like(normal)
-        for (i, j), cofactor in zip(_UPPER, cofactors, strict=True):
-            inverse[:, i, j] = inverse[:, j, i] = cofactor * share
-    inverse[~np.isfinite(inverse).all(axis=(1, 2))] = np.nan
-    return inverse @ right if right.ndim == 3 else np.einsum("nij,nj->ni", inverse, right)
+    cameras = np.ascontiguousarray(np.stack(matrices), np.float64)
+    triangulate_points(cameras, images, steps, _CONVERGED_MM, xyz, residual, jacobian)
+    return Triangulated(xyz, residual, jacobian)

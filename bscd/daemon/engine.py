@@ -90,25 +90,26 @@ class Engine:
 
     def pause(self, job_id: str) -> JobDocument:
         """Have it stand still at its next safe point."""
-        job, control = self._on_the_bench(job_id, "pause", (JobStatus.RUNNING, JobStatus.WAITING))
-        self._states.send("pause")
-        job = self.jobs.change(job.id, status=JobStatus.PAUSING)
-        control.pause()
-        return job
+        with self.shop.turn:
+            job, control = self._on_the_bench(job_id, "pause", (JobStatus.RUNNING, JobStatus.WAITING))
+            self._states.send("pause")
+            job = self.jobs.change(job.id, status=JobStatus.PAUSING)
+            control.pause()
+            return job
 
     def resume(self, job_id: str) -> JobDocument:
         """Go on after a pause, or let one begin that waited since before a restart."""
-        job = self.jobs.get(job_id)
-        if job.status is JobStatus.QUEUED and job_id in self.shop.held:
-            with self.shop.turn:
+        with self.shop.turn:
+            job = self.jobs.get(job_id)
+            if job.status is JobStatus.QUEUED and job_id in self.shop.held:
                 self.shop.held.discard(job_id)
                 self.shop.wake()
+                return job
+            job, control = self._on_the_bench(job_id, "resume", (JobStatus.PAUSING, JobStatus.PAUSED))
+            self._states.send("resume")
+            job = self.jobs.change(job.id, status=JobStatus.RUNNING)
+            control.resume()
             return job
-        job, control = self._on_the_bench(job_id, "resume", (JobStatus.PAUSING, JobStatus.PAUSED))
-        self._states.send("resume")
-        job = self.jobs.change(job.id, status=JobStatus.RUNNING)
-        control.resume()
-        return job
 
     def stop(self, job_id: str) -> JobDocument:
         """End it at its next safe point and keep what there is; one that waits is taken out of the line."""
@@ -158,17 +159,18 @@ class Engine:
 
     def prompt_changed(self) -> None:
         """A question was opened or answered."""
-        running = self.shop.running["bench"]
-        if running is None:
-            return
-        prompt = self._prompts.document
-        status = self.jobs.get(running).status
-        if prompt is not None and status is JobStatus.RUNNING:
-            self.jobs.change(running, prompt=prompt, status=JobStatus.WAITING)
-        elif status is JobStatus.WAITING and prompt is None:
-            self.jobs.change(running, prompt=None, status=JobStatus.RUNNING)
-        else:
-            self.jobs.change(running, prompt=prompt)
+        with self.shop.turn:
+            running = self.shop.running["bench"]
+            if running is None:
+                return
+            prompt = self._prompts.document
+            status = self.jobs.get(running).status
+            if prompt is not None and status is JobStatus.RUNNING:
+                self.jobs.change(running, prompt=prompt, status=JobStatus.WAITING)
+            elif status is JobStatus.WAITING and prompt is None:
+                self.jobs.change(running, prompt=None, status=JobStatus.RUNNING)
+            elif not status.ended:
+                self.jobs.change(running, prompt=prompt)
 
     @property
     def current(self) -> JobDocument | None:

@@ -149,10 +149,11 @@ class Workshop:
 
     def _run(self, job: JobDocument, control: JobControl) -> None:
         with bind_job(job.id):
-            if job.place == "bench" and not self._states.send_if_allowed("start", f"job {job.id}"):
-                return  # the state has changed since; it stays in line
+            with self.turn:
+                if job.place == "bench" and not self._states.send_if_allowed("start", f"job {job.id}"):
+                    return  # the state has changed since; it stays in line
+                self.jobs.change(job.id, status=JobStatus.RUNNING, started_at=utc_now(), ended_at=None)
             _LOG.info("job begins", recipe=job.recipe.recipe, operator=job.operator)
-            self.jobs.change(job.id, status=JobStatus.RUNNING, started_at=utc_now(), ended_at=None)
             ending: dict[str, Any] = {"status": JobStatus.DONE}
             try:
                 control.require_going("before it began", job.next_step or 0)
@@ -164,9 +165,12 @@ class Workshop:
                     self._do(job, control)
             except Exception as error:
                 ending = self._ended_by(error, job, control)
-            ended = self.jobs.change(job.id, ended_at=utc_now(), prompt=None, **ending)
+            with self.turn:
+                ended = self.jobs.change(job.id, ended_at=utc_now(), prompt=None, **ending)
+                self.controls.pop(job.id, None)
+                self.running[job.place] = None
+                self.live = None
             _LOG.info("job ended", status=ended.status.value, reason=ended.reason)
-            self.live = None
             if job.place == "bench":
                 self._rig_after(ended)
 
@@ -216,8 +220,9 @@ class Workshop:
         self._states.send_if_allowed("finish", job.reason)
 
     def _paused(self, job_id: str, paused: bool) -> None:
-        if paused and self._states.send_if_allowed("reached"):
-            self.jobs.change(job_id, status=JobStatus.PAUSED)
+        with self.turn:
+            if paused and self._states.send_if_allowed("reached"):
+                self.jobs.change(job_id, status=JobStatus.PAUSED)
 
     def _at_rest(self) -> None:
         self._bench.rig.stop_axes()

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from bscd.calibration import triangulate
-from bscd.calibration.triangulation import _solve
+from bscd.calibration.triangulation_kernel import invert
+from tests.calibration import plain_triangulation as plain
 from tests.calibration.test_dlt import CORNER, image, pinhole
 
 CAMERAS = [pinhole((0.0, 0.0, 0.17), 622.0), pinhole((0.0, 0.0, -0.17), 622.0), pinhole((0.2, 0.0, 0.0), 700.0)]
@@ -48,37 +49,56 @@ def test_an_unknown_image_gives_an_unknown_point_and_leaves_the_others():
     assert np.abs(np.delete(found - CORNER, 3, axis=0)).max() < 1e-8
 
 
-class TestSmallSystems:
+@pytest.mark.parametrize("method", ["linear", "optimal"])
+@pytest.mark.parametrize("views", [2, 3])
+def test_is_what_numpy_makes_of_it(method, views):
+    rng = np.random.default_rng(3)
+    images = [image(m, CORNER) + rng.normal(0, 0.3, (len(CORNER), 2)) for m in CAMERAS[:views]]
+    images[1][5] = np.nan
+    found, expected = (way(CAMERAS[:views], images, method) for way in (triangulate, plain.triangulate))
+    np.testing.assert_allclose(found.xyz_mm, expected.xyz_mm, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.residual_px, expected.residual_px, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.jacobian, expected.jacobian, rtol=1e-7, atol=1e-10)
+    spread = rng.normal(size=(len(CORNER), 2 * views, 2 * views))
+    noise = spread @ np.swapaxes(spread, 1, 2)
+    passed = found.jacobian @ noise @ np.swapaxes(found.jacobian, 1, 2)
+    np.testing.assert_allclose(found.covariance_mm2(noise), passed, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(found.covariance_mm2(noise[0])[0], passed[0], rtol=1e-12, atol=1e-15)
+
+
+class TestSmallInverses:
     """Cramer's rule against numpy.linalg."""
 
     RNG = np.random.default_rng(7)
     DESIGN = RNG.normal(size=(200, 4, 3)) * 10.0 ** RNG.uniform(-3, 3, (200, 1, 1))
     NORMAL = np.swapaxes(DESIGN, 1, 2) @ DESIGN
 
+    @staticmethod
+    def inverted(normal):
+        out = np.empty((3, 3))
+        invert(normal, out)
+        return out
+
     @pytest.mark.parametrize("scale", [1.0, 1e-80, 1e80])
-    def test_vectors_and_matrices(self, scale):
-        vectors, matrices = self.RNG.normal(size=(200, 3)), self.RNG.normal(size=(200, 3, 4))
-        normal = self.NORMAL * scale
-        expected = np.linalg.solve(normal, vectors[..., None])[..., 0]
-        assert np.allclose(_solve(normal, vectors), expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
-        for found, system, right in zip(_solve(normal, matrices), normal, matrices, strict=True):
-            expected = np.linalg.solve(system, right)
+    def test_are_those_of_numpy(self, scale):
+        for system in self.NORMAL * scale:
+            expected = np.linalg.inv(system)
+            found = self.inverted(system)
             assert np.abs(found - expected).max() < 1e-12 * np.linalg.cond(system) * np.abs(expected).max()
 
-    def test_systems_without_a_solution_give_nan_and_leave_the_others(self):
-        normal, right = self.NORMAL.copy(), np.ones((200, 3))
-        normal[3] = np.nan
-        normal[5] = np.inf
-        normal[7] = 0.0
-        normal[9] = np.diag([1.0, 1.0, 0.0])
-        normal[11] = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
-        found = _solve(normal, right)
-        bad = np.isin(np.arange(200), (3, 5, 7, 9, 11))
-        assert np.isnan(found[bad]).all()
-        assert np.array_equal(found[~bad], _solve(normal[~bad], right[~bad]))
-
-    def test_no_systems(self):
-        assert _solve(np.zeros((0, 3, 3)), np.zeros((0, 3))).shape == (0, 3)
+    @pytest.mark.parametrize(
+        "system",
+        [
+            np.full((3, 3), np.nan),
+            np.full((3, 3), np.inf),
+            np.zeros((3, 3)),
+            np.diag([1.0, 1.0, 0.0]),
+            np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]),
+        ],
+        ids=["unknown", "infinite", "nothing", "flat", "a line"],
+    )
+    def test_systems_without_a_solution_give_nan(self, system):
+        assert np.isnan(self.inverted(system)).all()
 
 
 def test_no_points():

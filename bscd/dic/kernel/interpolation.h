@@ -52,6 +52,25 @@ INLINE void NAME(weights_across)(const int taps, vf s, vf *moved)
     moved[taps] = where(on, w[taps - 1], spread(0));
 }
 
+#if LANES == 16 && defined(__AVX512F__)
+/* The sum of `gather` for lanes that no more than a vector's reach lies between: a row's taps are picked from two vectors
+ * of it; what is not in a lane's rows weighs nothing there. To the last bit what lane after lane gives. Lane i
+ * takes its taps from at[i] on, in rows from down[i] on, of `tall` at most. */
+INLINE vf NAME(pick)(const int taps, const float *p, int64_t stride, vi at, vi down, int tall, const vf *wx, const vf *wy)
+{
+    vf sum = spread(0);
+    for (int j = 0; j < taps + tall; j++, p += stride) {
+        const vf near = load(p), far = load(p + LANES);
+        vf row = spread(0), weight = spread(0);
+#pragma GCC unroll 6
+        for (int k = 0; k < taps; k++) row += wx[k] * __builtin_shuffle(near, far, at + k);
+        for (int d = j < taps ? 0 : j - taps + 1; d <= tall && d <= j; d++) weight = where(down == d, wy[j - d], weight);
+        sum += weight * row;
+    }
+    return sum;
+}
+#endif
+
 /* start + the spline at lane i + x[i], y[i], any finite numbers, counted from base, which is moved to the first
  * tap: lane after lane. Slow; steep deformation and clamped borders come here. */
 static __attribute__((noinline)) vf NAME(gather)(const int taps, const float *base, int64_t stride, vf x, vf y,
@@ -63,6 +82,14 @@ static __attribute__((noinline)) vf NAME(gather)(const int taps, const float *ba
     vf wx[6], wy[6], sum = start;
     NAME(weights)(taps, x - __builtin_convertvector(xi, vf) - spread(0.5f), wx);
     NAME(weights)(taps, y - __builtin_convertvector(yi, vf) - spread(0.5f), wy);
+#if LANES == 16 && defined(__AVX512F__)
+    const int left = _mm512_reduce_min_epi32((__m512i)xi), wide = _mm512_reduce_max_epi32((__m512i)xi) - left;
+    const int top = _mm512_reduce_min_epi32((__m512i)yi), tall = _mm512_reduce_max_epi32((__m512i)yi) - top;
+    if (wide <= LANES + 1 - taps && tall <= LANES) {
+        const vi at = __builtin_convertvector(lanes(), vi) + xi - left;
+        return start + NAME(pick)(taps, base + top * stride + left, stride, at, yi - top, tall, wx, wy);
+    }
+#endif
     for (int i = 0; i < LANES; i++) {
         const float *p = base + yi[i] * stride + xi[i] + i;
         float s = 0;
