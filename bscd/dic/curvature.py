@@ -21,6 +21,7 @@ from scipy.spatial import KDTree
 from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation
+from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage
 
@@ -55,9 +56,6 @@ _STRAY = 7.0
 #: Median of half the sum of two unit normal variables' squares.
 _MEDIAN = np.log(2.0)
 
-#: Pairs of neighbours that are worked on at a time.
-_ELEMENTS = 300_000
-
 #: Where uxx, uxy, uyy, vxx, vxy, vyy are among a second-order shape's parameters.
 SECOND = np.array([3, 4, 5, 9, 10, 11])
 
@@ -76,6 +74,7 @@ class Curvature:
             radius = max(radius, _RADIUS_SPACINGS * spacing * 1.01)
         radius *= widened
         self._offset, self._index = _neighbours(self._points_px, radius)
+        self._count = np.count_nonzero(np.isfinite(self._offset[:, :, 0]), axis=1)  # the nearest ones come first
         self._radius_px = radius
         self._weights = np.zeros((count, _TERMS, self._index.shape[1]))
         self._expected, self._stale = np.zeros(count), np.ones(count, bool)
@@ -105,9 +104,9 @@ class Curvature:
         """What displacements ``(N, 2)``, NaN where not known, are off the field; NaN where no fit is possible."""
         known = np.asarray(np.isfinite(displacement_px).all(axis=1))
         self._fit(known)
-        values = np.where(known[:, None], displacement_px, 0.0)
-        off = values - (self._weights[:, :1] @ values[self._index])[:, 0]
-        return np.where((known & self._good)[:, None], off, np.nan)
+        off = np.empty((len(known), 2))
+        residuals(np.asarray(displacement_px, np.float64), known, self._good, self._index, self._weights, off)
+        return off
 
     def scatter(self, residual_px: FloatArray, covariance_px2: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Variance ``(N,)`` of residuals ``(N, 2)`` over what their covariance ``(N, 2, 2)`` lets expect.
@@ -120,17 +119,14 @@ class Curvature:
         if not used.any():
             return np.ones(len(used)), np.zeros(len(used), bool)
         stale = np.flatnonzero(self._stale)
-        self._expected[stale] = self._leftover(self._offset[stale], self._weights[stale, 0])
+        leftover(self._offset, self._count, self._weights, stale, self._subset_px, self._expected)
         self._stale[:] = False
-        solved = np.linalg.solve(covariance_px2[used], residual_px[used, :, None])[:, :, 0]
-        squares, expected = np.zeros(len(used)), np.where(used, self._expected, 0.0)
-        squares[used] = np.sum(residual_px[used] * solved, axis=1) / 2.0
+        squares, expected = np.empty(len(used)), np.where(used, self._expected, 0.0)
+        half_squares(residual_px, covariance_px2, used, squares)
         everywhere = max(float(np.median(squares[used] / expected[used])) / _MEDIAN, 1.0)
         stray = squares > _STRAY * everywhere * expected
         squares = np.minimum(squares, _MOST_SCATTER * everywhere * expected) / -np.expm1(-_MOST_SCATTER)
-        there = np.isfinite(self._offset[:, :, 0])
-        for _ in range(2):
-            squares, expected = (np.sum(there * sums[self._index], axis=1) for sums in (squares, expected))
+        squares, expected = (neighbour_sums(each, self._index, self._count, 2) for each in (squares, expected))
         ratio = np.divide(squares, expected, out=np.ones_like(squares), where=expected > 0.0)
         return np.maximum(ratio, 1.0), np.asarray(stray)
 
@@ -157,24 +153,6 @@ class Curvature:
         self._good[rows] = (there.sum(axis=1) > _TERMS) & (noise < _LARGEST_NOISE)
         self._weights[rows] = weights
         self._stale[rows] = True
-
-    def _leftover(self, offset_px: FloatArray, weights: FloatArray) -> FloatArray:
-        """Variance ``(n,)`` of points about their fits for errors of unit variance that overlapping subsets share."""
-        at = np.nan_to_num(offset_px)
-        total = np.empty(len(at))
-        rows = max(_ELEMENTS // max(at.shape[1], 1) ** 2, 1)
-        for first in range(0, len(at), rows):
-            some = slice(first, first + rows)
-            w, here = weights[some], at[some]
-            own = (w * self._shared(here)).sum(axis=1)
-            pairs = self._shared(here[:, :, None] - here[:, None, :])
-            total[some] = 1.0 - 2.0 * own + np.einsum("nk,nkl,nl->n", w, pairs, w)
-        return total
-
-    def _shared(self, offset_px: FloatArray) -> FloatArray:
-        """Share of two subsets that overlaps at an offset ``(..., 2)``."""
-        column, row = (np.maximum(1.0 - np.abs(offset_px[..., k]) / self._subset_px, 0.0) for k in (0, 1))
-        return column * row
 
 
 def _neighbours(points_px: FloatArray, radius_px: float) -> tuple[FloatArray, IntArray]:

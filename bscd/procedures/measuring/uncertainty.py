@@ -9,6 +9,7 @@ from bscd.calibration import ImageCovariances
 from bscd.dic import Correlation
 from bscd.dic.curvature import Curvature
 from bscd.dic.tracker_state import Tracked
+from bscd.procedures.measuring.uncertainty_kernel import both_views, half_sum_and_difference, image_covariances
 
 
 class Uncertainty:
@@ -44,50 +45,48 @@ class Uncertainty:
         is not in the position; the left reference's moves both views' positions alike. What scatters about the smooth
         field beyond the noise (`Curvature.scatter`) is added, as far as both views have it in common or apart.
         """
-        stereo = self._stereo
+        stereo, count = self._stereo, len(self._stray)
+        across, both = np.empty((count, 2, 2)), np.empty((count, 2, 2))
+        both_views(
+            left.gradient, right.gradient, stereo.gradient, left.covariance_px2, right.covariance_px2, across, both
+        )
+        alike, apart = self._scatter(left, right, across, both)
         onward = np.eye(2) + right.gradient
-        # how the left view's place in this frame maps to the right view's
-        across = onward @ (np.eye(2) + stereo.gradient) @ np.linalg.inv(np.eye(2) + left.gradient)
-        back = np.swapaxes(across, 1, 2)
-        position, apart = self._excess(left, right, across)
-        position[:, :2, :2] += left.covariance_px2
-        tracking = position.copy()
-        tracking[:, 2:, 2:] += right.covariance_px2
-        shared = across @ left.reference_px2
-        position[:, 2:, :2] += shared
-        position[:, :2, 2:] += np.swapaxes(shared, 1, 2)
-        position[:, 2:, 2:] += shared @ back + right.covariance_px2 - right.reference_px2
-        # of the stereo match so much is what the tracking has too, scatter included; what it has more is its own
-        same = shared @ back + right.reference_px2
-        own = onward @ stereo.covariance_px2 @ np.swapaxes(onward, 1, 2)
-        times = np.trace(np.linalg.solve(same, own), axis1=1, axis2=2) / 2.0
-        position[:, 2:, 2:] += np.maximum(times / apart - 1.0, 0.0)[:, None, None] * same
+        tracking, position = np.empty((count, 4, 4)), np.empty((count, 4, 4))
+        image_covariances(
+            across,
+            both,
+            onward,
+            alike,
+            apart,
+            left.covariance_px2,
+            left.reference_px2,
+            right.covariance_px2,
+            right.reference_px2,
+            stereo.covariance_px2,
+            tracking,
+            position,
+        )
         return ImageCovariances(tracking, stereo.covariance_px2, onward, position)
 
-    def _excess(self, left: Tracked, right: Tracked, across: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Covariance ``(N, 4, 4)`` of the scatter beyond the noise (left column, left row, right column, right row).
+    def _scatter(
+        self, left: Tracked, right: Tracked, across: FloatArray, both: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Scatter ``(N,)`` of the half sum of both views' errors, and of their difference, over the noise's variance.
 
-        Beside it the scatter ``(N,)`` of the difference of both views, as a share of the noise's variance. Half the
-        sum of both views' errors and their difference are independent where both are equally sure. Points that once
-        strayed from their field, as at an edge, say nothing of their neighbours any more.
+        The two are independent where both views are equally sure; ``both`` ``(N, 2, 2)`` is their noise in the right
+        view, where ``across`` takes the left one's. Points that once strayed from their field, as at an edge, say
+        nothing of their neighbours any more.
         """
-        mine = across @ left.covariance_px2 @ np.swapaxes(across, 1, 2)
-        both = mine + right.covariance_px2
         known = (left.valid & right.valid & ~self._stray)[:, None]
         moved, other = (
             self._field.residual_px(np.where(known, view.position_px - start, np.nan))
             for view, start in zip((left, right), self._start, strict=True)
         )
-        moved = np.einsum("nij,nj->ni", across, moved)
-        alike, strayed = self._field.scatter((moved + other) / 2.0, both / 4.0)
+        middle, difference = np.empty_like(moved), np.empty_like(moved)
+        half_sum_and_difference(across, moved, other, middle, difference)
+        alike, strayed = self._field.scatter(middle, both / 4.0)
         self._stray |= strayed
-        apart, strayed = self._field.scatter(other - moved, both)
+        apart, strayed = self._field.scatter(difference, both)
         self._stray |= strayed
-        each, common = (both * (part / 4.0)[:, None, None] for part in (alike + apart - 2.0, alike - apart))
-        back = np.linalg.inv(across)
-        whole = np.empty((len(both), 4, 4))
-        whole[:, 2:, 2:] = each
-        whole[:, 2:, :2] = common @ np.swapaxes(back, 1, 2)
-        whole[:, :2, 2:] = np.swapaxes(whole[:, 2:, :2], 1, 2)
-        whole[:, :2, :2] = back @ each @ np.swapaxes(back, 1, 2)
-        return whole, apart
+        return alike, apart

@@ -1,0 +1,58 @@
+"""The curvature's kernels against the same in plain NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
+
+RNG = np.random.default_rng(11)
+POINTS, MOST, SUBSET = 60, 7, 21.0
+COUNT = RNG.integers(0, MOST + 1, POINTS)
+THERE = np.arange(MOST) < COUNT[:, None]
+INDEX = np.where(THERE, RNG.integers(0, POINTS, (POINTS, MOST)), 0)
+OFFSET = np.where(THERE[:, :, None], RNG.uniform(-30.0, 30.0, (POINTS, MOST, 2)), np.nan)
+KNOWN = RNG.random(POINTS) < 0.8
+WEIGHTS = np.where((THERE & KNOWN[INDEX])[:, None], RNG.normal(size=(POINTS, 6, MOST)), 0.0)
+
+
+def test_residuals():
+    values, good = RNG.normal(size=(POINTS, 2)), RNG.random(POINTS) < 0.8
+    values[~KNOWN] = np.nan
+    found = np.empty((POINTS, 2))
+    residuals(values, KNOWN, good, INDEX, WEIGHTS, found)
+    fitted = np.einsum("nk,nkc->nc", WEIGHTS[:, 0], np.nan_to_num(values)[INDEX])
+    expected = np.where((KNOWN & good)[:, None], values - fitted, np.nan)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_leftover_is_the_variance_of_what_the_fit_leaves():
+    rows, found = np.flatnonzero(RNG.random(POINTS) < 0.7), np.full(POINTS, -1.0)
+    leftover(OFFSET, COUNT, WEIGHTS, rows, SUBSET, found)
+    for n in range(POINTS):
+        if n not in rows:
+            assert found[n] == -1.0
+            continue
+        # the point itself, and its neighbours with the weights of the fit, taken off
+        at = np.vstack([[0.0, 0.0], OFFSET[n, : COUNT[n]]])
+        share = np.append(1.0, -WEIGHTS[n, 0, : COUNT[n]])
+        shared = np.prod(np.maximum(1.0 - np.abs(at[:, None] - at) / SUBSET, 0.0), axis=2)
+        assert found[n] == pytest.approx(share @ shared @ share, rel=1e-12)
+
+
+def test_half_squares():
+    spread = RNG.normal(size=(POINTS, 2, 2))
+    covariance, residual = spread @ np.swapaxes(spread, 1, 2) + 0.1 * np.eye(2), RNG.normal(size=(POINTS, 2))
+    found = np.empty(POINTS)
+    half_squares(residual, covariance, KNOWN, found)
+    solved = np.linalg.solve(covariance, residual[:, :, None])[:, :, 0]
+    np.testing.assert_allclose(found, np.where(KNOWN, np.sum(residual * solved, axis=1) / 2.0, 0.0), rtol=1e-10)
+
+
+def test_neighbour_sums():
+    values = RNG.normal(size=POINTS)
+    once = np.sum(np.where(THERE, values[INDEX], 0.0), axis=1)
+    np.testing.assert_allclose(neighbour_sums(values, INDEX, COUNT, 1), once, rtol=1e-12, atol=1e-12)
+    twice = np.sum(np.where(THERE, once[INDEX], 0.0), axis=1)
+    np.testing.assert_allclose(neighbour_sums(values, INDEX, COUNT, 2), twice, rtol=1e-12, atol=1e-12)
