@@ -26,7 +26,10 @@ class Recorded:
 
 
 def recorded_in(file: h5py.File, path: Path) -> Recorded:
-    """What an interrupted run holds; raises `InputError` for one that is complete or being written."""
+    """What an interrupted run holds, or a recovered one: nobody writes it, or it could not have been opened.
+
+    Raises `InputError` for one that is complete.
+    """
     with damage_reported(path, RUN_FILE, "reading what was recorded"):
         state = text_at(file, f"{RECORDING}/state")
         header = read_header(file)
@@ -34,7 +37,6 @@ def recorded_in(file: h5py.File, path: Path) -> Recorded:
         detectors = [group_at(file, f"{INSTRUMENT}/{name}") for name in names]
         index = frame_index(detectors)
         digests = [dataset_at(detectors[d], "sha256")[row].decode() for d, row in index]
-    if state != RunState.INTERRUPTED:
-        why = "is complete" if state == RunState.COMPLETE else "is being written"
-        raise InputError(f"{path} {why}; record into a new file")
+    if state == RunState.COMPLETE:
+        raise InputError(f"{path} is complete; record into a new file")
     return Recorded(header, digests, Counter(names[d] for d, _ in index))

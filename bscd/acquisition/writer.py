@@ -126,9 +126,10 @@ class RunWriter:
     def reopen(
         cls, path: str | os.PathLike[str], *, flush_every: int = 1, now: Callable[[], datetime] = utc_now
     ) -> RunWriter:
-        """Go on with an interrupted run; its frames stay as they are, byte for byte.
+        """Go on with an interrupted or a recovered run; its frames stay as they are, byte for byte.
 
-        Raises `InputError` when the run is complete (raw data is never changed) or its writer was killed.
+        Raises `InputError` when the run is complete (raw data is never changed), being written, or when its writer was
+        killed and nobody has recovered it.
         """
         where = Path(path)
         file = open_to_continue(where, RUN_FILE)

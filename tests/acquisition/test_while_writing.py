@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bscd.acquisition import RunFile, RunState, RunWriter
+from bscd.acquisition import RunFile, RunState, RunWriter, recover_in_place
 from bscd.errors import InputError
 from tests.acquisition.run_records import SETTINGS, frames, same
 
@@ -90,6 +90,20 @@ def test_after_a_kill_every_flushed_frame_is_there(killed):
         assert run.verify() is None
     assert len(read) >= 8
     assert all(same(a, b) for a, b in zip(frames(10), read, strict=False))
+
+
+def test_a_recovered_run_goes_on_and_what_it_has_stays(killed):
+    recover_in_place(killed)
+    recorded = list(frames(12))
+    with RunWriter.reopen(killed) as writer:
+        had = writer.frames_written
+        assert had >= 8
+        for record in recorded[had:]:
+            writer.append(record)
+    with RunFile(killed) as run:
+        assert run.complete
+        assert run.verify() is None
+        assert all(same(a, b) for a, b in zip(recorded, run.frames(), strict=True))
 
 
 def test_a_run_whose_writer_was_killed_is_not_written_on(killed):

@@ -178,14 +178,6 @@ def test_a_complete_run_needs_nothing(tmp_path):
     assert (tmp_path / "run.h5").read_bytes() == before
 
 
-def test_a_recovered_run_is_not_recorded_on(killed, tmp_path):
-    path = tmp_path / "run.h5"
-    shutil.copy(killed, path)
-    recover_in_place(path)
-    with pytest.raises(InputError, match="record into a new file"):
-        RunWriter.reopen(path)
-
-
 def test_first_bytes_that_are_damaged_are_not_made_worse(killed, tmp_path):
     path = tmp_path / "run.h5"
     shutil.copy(killed, path)
