@@ -24,7 +24,7 @@ from bscd.version import __version__
 PREFIX = "/api/v1"
 
 #: Names that this computer has for itself: no other name leads here, so no page of another host can pretend to be ours.
-_OWN_NAMES = ["127.0.0.1", "localhost", "[::1]", "testserver"]
+_OWN_NAMES = ["127.0.0.1", "localhost", "[::1]"]
 
 _ESTOPS = 4
 

@@ -127,7 +127,7 @@ def add_handlers(app: FastAPI) -> None:
 
     async def http(request: Request, error: Exception) -> JSONResponse:
         status = getattr(error, "status_code", 500)
-        code = {404: "not-found", 405: "method-not-allowed"}.get(status, "http")
+        code = {400: "malformed", 404: "not-found", 405: "method-not-allowed"}.get(status, "http")
         problem = _problem(status, code, f"{request.method} {request.url.path}: {getattr(error, 'detail', '')}")
         request.state.detail = problem.detail
         return answer(problem, getattr(error, "headers", None))

@@ -59,10 +59,10 @@ def serve(daemon: Daemon, ready: Callable[[Served], None] = lambda _: None) -> N
                 f"change [daemon] estop_port"
             ) from error
         ends.callback(listener.close)
-        place = ends.enter_context(_listening(settings.host, settings.port))
+        place = ends.enter_context(listening(settings.host, settings.port))
         url = f"http://{_shown(settings.host)}:{place.getsockname()[1]}"
         served = Served(url, f"http://{_shown(settings.host)}:{listener.port}/estop")
-        server = _Server(daemon, lambda: ready(served))
+        server = Server(daemon, lambda: ready(served))
         if (ping_s := period_s()) is not None:
             ends.callback(Watchdog(daemon.progress() | {"event loop": lambda: server.beats}, ping_s).close)
         _LOG.info("serving", url=served.url, estop=served.estop_url)
@@ -70,7 +70,7 @@ def serve(daemon: Daemon, ready: Callable[[Served], None] = lambda _: None) -> N
         notify("STOPPING=1")
 
 
-class _Server(uvicorn.Server):
+class Server(uvicorn.Server):
     """Says when it is ready; ends streams before it waits for connections to end; beats while its loop turns."""
 
     def __init__(self, daemon: Daemon, ready: Callable[[], None]) -> None:
@@ -115,7 +115,8 @@ class _Server(uvicorn.Server):
             await asyncio.sleep(_BEAT_S)
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def listening(host: str, port: int) -> socket.socket:
+    """A socket on an address, so that its port is known before it is served. Raises `InputError` when it is taken."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     place = socket.socket(family, socket.SOCK_STREAM)
     place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -7,11 +7,15 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import httpx
+
+from bscd.api.server import Server, listening
 from bscd.client import Client
+from bscd.daemon.daemon import Daemon
 from bscd.daemon.documents import JobDocument
 from tests.daemon.small import WAIT_S, config_text, until
 
@@ -67,6 +71,23 @@ def serving(config: Path, *options: str, env: dict[str, str] | None = None) -> I
             for pipe in (process.stdout, process.stderr):
                 if pipe is not None:
                     pipe.close()
+
+
+@contextmanager
+def api_of(daemon: Daemon) -> Iterator[httpx.Client]:
+    """A daemon of this process behind its real server, and a plain client of it."""
+    ready = threading.Event()
+    with closing(listening("127.0.0.1", 0)) as place:
+        server = Server(daemon, ready.set)
+        thread = threading.Thread(target=lambda: server.run(sockets=[place]), daemon=True)
+        thread.start()
+        assert ready.wait(WAIT_S)
+        try:
+            with httpx.Client(base_url=f"http://127.0.0.1:{place.getsockname()[1]}", timeout=WAIT_S) as client:
+                yield client
+        finally:
+            server.should_exit = True
+            thread.join(WAIT_S)
 
 
 def configuration(folder: Path, sensor_px: int = 1280, changes: dict[str, str] | None = None, **daemon: object) -> Path:
