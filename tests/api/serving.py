@@ -74,10 +74,10 @@ def serving(config: Path, *options: str, env: dict[str, str] | None = None) -> I
 
 
 @contextmanager
-def api_of(daemon: Daemon) -> Iterator[httpx.Client]:
+def api_of(daemon: Daemon, port: int = 0) -> Iterator[httpx.Client]:
     """A daemon of this process behind its real server, and a plain client of it."""
     ready = threading.Event()
-    with closing(listening("127.0.0.1", 0)) as place:
+    with closing(listening("127.0.0.1", port)) as place:
         server = Server(daemon, ready.set)
         thread = threading.Thread(target=lambda: server.run(sockets=[place]), daemon=True)
         thread.start()
