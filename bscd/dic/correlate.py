@@ -11,7 +11,7 @@ from bscd.dic.correlation import Correlation, Status
 from bscd.dic.images import PreparedImage, prepare
 from bscd.dic.matching import Matching
 from bscd.dic.noise import Image, estimate_noise
-from bscd.dic.solver import LIGHTINGS, PARAMETERS, Lighting, ShapeName, SolverOptions, with_noise
+from bscd.dic.solver import LIGHTINGS, PARAMETERS, KnownSubsets, Lighting, ShapeName, SolverOptions, with_noise
 from bscd.dic.spline import SplineName
 from bscd.errors import InputError
 
@@ -35,6 +35,7 @@ def correlate(
     tolerance_px: float = 0.001,
     max_iterations: int = 30,
     threads: int | None = None,
+    known_subsets: KnownSubsets | None = None,
 ) -> Correlation:
     """Find where points of a reference image are in a current image.
 
@@ -76,6 +77,9 @@ def correlate(
         A point has converged when the last step moved the edge of its subset by less.
     threads
         None: all cores that the process may use.
+    known_subsets
+        Of these points in this reference with the same settings: what earlier calls found of their subsets is not found
+        again, and what this one finds is kept there. Results are the same.
 
     Raises
     ------
@@ -104,7 +108,7 @@ def correlate(
         reach_px=max(8.0, subset_px / 2.0),
         zncc_min=zncc_min,
     )
-    matching = Matching(first, second, points, with_noise(options, *noise), search_px, threads)
+    matching = Matching(first, second, points, with_noise(options, *noise), search_px, threads, known_subsets)
     matching.run(_checked_guess(guess_px, len(points), shape), find_guesses)
     return _described(matching, noise)
 

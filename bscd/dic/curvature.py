@@ -24,6 +24,7 @@ from bscd.dic.correlation import Correlation
 from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage
+from bscd.dic.solver import KnownSubsets
 
 #: The neighbourhood's radius, in subsets, and in distances between points where they are far apart.
 _RADIUS_SUBSETS = 1.5
@@ -175,6 +176,7 @@ def follow_curvature(
     points_px: FloatArray,
     first: Correlation,
     curvature: Curvature,
+    known_subsets: KnownSubsets | None = None,
     **settings: Any,
 ) -> tuple[Correlation, FloatArray]:
     """Match points ``(N, 2)`` once more where the second derivatives of the field differ from those that were held.
@@ -195,7 +197,14 @@ def follow_curvature(
     guess = first.shape[again].copy()
     guess[:, SECOND] = second[again]
     found = correlate(
-        reference, current, points_px[again], guess_px=guess, find_guesses=False, shape="curved", **settings
+        reference,
+        current,
+        points_px[again],
+        guess_px=guess,
+        find_guesses=False,
+        shape="curved",
+        known_subsets=None if known_subsets is None else known_subsets.only(again),
+        **settings,
     )
     better = found.valid & (1.0 - found.zncc <= _NOT_WORSE * (1.0 - first.zncc[again]))
     worse = again[~better]

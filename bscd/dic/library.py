@@ -85,6 +85,8 @@ def _declared(loaded: ctypes.CDLL) -> ctypes.CDLL:
     loaded.bscd_best_set.argtypes = ()
     loaded.bscd_can_run.restype = ctypes.c_int
     loaded.bscd_can_run.argtypes = (ctypes.c_int,)
+    loaded.bscd_memory_row.restype = ctypes.c_int
+    loaded.bscd_memory_row.argtypes = (ctypes.c_int,)
     loaded.bscd_icgn.restype = ctypes.c_int
     loaded.bscd_icgn.argtypes = (
         ctypes.c_int,
@@ -92,6 +94,6 @@ def _declared(loaded: ctypes.CDLL) -> ctypes.CDLL:
         ctypes.POINTER(ImageStruct),
         ctypes.POINTER(OptionsStruct),
         ctypes.c_int64,
-        *(pointer,) * 5,
+        *(pointer,) * 7,
     )
     return loaded

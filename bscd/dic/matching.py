@@ -18,7 +18,7 @@ from bscd.dic.guess import (
 )
 from bscd.dic.images import PreparedImage
 from bscd.dic.library import FOUND_COLUMNS
-from bscd.dic.solver import PARAMETERS, Solved, SolverOptions, solve
+from bscd.dic.solver import PARAMETERS, KnownSubsets, Solved, SolverOptions, solve
 
 #: A point that ended up this far from what its neighbour let expect is looked at again.
 _SURPRISE_PX = 0.5
@@ -57,6 +57,7 @@ class Matching:
         options: SolverOptions,
         search_px: int,
         threads: int | None,
+        known_subsets: KnownSubsets | None = None,
     ) -> None:
         count = len(points_px)
         self._images = (reference, current)
@@ -64,6 +65,7 @@ class Matching:
         self._options = options
         self._search_px = search_px
         self._threads = threads
+        self._known_subsets = known_subsets
         self._parameters = PARAMETERS[options.shape]
         self.solved = Solved(
             np.full((count, self._parameters), np.nan),
@@ -113,7 +115,9 @@ class Matching:
             self._keep(index[usable], self._solve(index[usable], guesses[usable]), source)
 
     def _solve(self, index: IntArray, guesses: FloatArray) -> Solved:
-        tried = solve(*self._images, self._points[index], guesses, self._options, threads=self._threads)
+        known = None if self._known_subsets is None else self._known_subsets.only(index)
+        points, threads = self._points[index], self._threads
+        tried = solve(*self._images, points, guesses, self._options, threads=threads, known_subsets=known)
         half = self._parameters // 2
         valid = np.flatnonzero(tried.valid)
         (ux, uy), (vx, vy) = tried.shape[valid, 1:3].T, tried.shape[valid, half + 1 : half + 3].T

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.arrays import FloatArray
+from bscd.arrays import FloatArray, IntArray
 from bscd.dic.correlation import Status
 from bscd.dic.images import PreparedImage
 from bscd.dic.library import FOUND_COLUMNS, ImageStruct, InstructionSet, OptionsStruct, library
@@ -79,6 +79,26 @@ class Solved:
         return self.status == Status.VALID
 
 
+@dataclass(frozen=True, eq=False)
+class KnownSubsets:
+    """What the kernel found of a reference's subsets, for later calls with the same points and options.
+
+    ``memory`` ``(M, K)`` a row a point, 0 where nothing was found yet; ``rows`` ``(N,)`` those of some points.
+    """
+
+    memory: FloatArray
+    rows: IntArray
+
+    @classmethod
+    def none_of(cls, count: int, shape: ShapeName) -> KnownSubsets:
+        """Of ``count`` points, nothing yet."""
+        return cls(np.zeros((count, library().bscd_memory_row(SOLVED[shape]))), np.arange(count))
+
+    def only(self, which: IntArray) -> KnownSubsets:
+        """Of some of the points, in the same memory."""
+        return KnownSubsets(self.memory, self.rows[which])
+
+
 def solve(
     reference: PreparedImage,
     current: PreparedImage,
@@ -88,8 +108,11 @@ def solve(
     *,
     threads: int | None = None,
     instructions: InstructionSet = InstructionSet.BEST,
+    known_subsets: KnownSubsets | None = None,
 ) -> Solved:
     """Solve points ``(N, 2)`` (column, row) from the shape parameters ``(N, P)`` of their guesses.
+
+    ``known_subsets`` belong to these points; they save time and change no result.
 
     ``threads`` None takes all cores that the process may use; the GIL is released. Results do not depend on it.
     """
@@ -104,11 +127,21 @@ def solve(
     images = (_image_struct(reference), _image_struct(current))
     settings = _options_struct(options, reference)
     run = library().bscd_icgn
+    memory, rows = None, np.zeros(0, np.int64)
+    if known_subsets is not None:
+        memory, rows = known_subsets.memory.ctypes.data, np.ascontiguousarray(known_subsets.rows, np.int64)
 
     if not known.all():
         some = np.flatnonzero(known)
         part = solve(
-            reference, current, points[some], result[some], options, threads=threads, instructions=instructions
+            reference,
+            current,
+            points[some],
+            result[some],
+            options,
+            threads=threads,
+            instructions=instructions,
+            known_subsets=None if known_subsets is None else known_subsets.only(some),
         )
         result[some], found[some], status[some] = part.shape, part.found, part.status
         iterations[some] = part.iterations
@@ -124,6 +157,8 @@ def solve(
             ctypes.byref(settings),
             last - first,
             *addresses,
+            memory,
+            rows[first:last].ctypes.data,
         )
         if failed == 1:
             raise MemoryError("the correlator's kernel got no memory for its subset")

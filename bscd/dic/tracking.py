@@ -17,7 +17,7 @@ from bscd.dic.curvature import SECOND, Curvature, follow_curvature
 from bscd.dic.images import PreparedImage
 from bscd.dic.recovery import Jump, recovered, trial_points
 from bscd.dic.sharpness import sharpness_per_px
-from bscd.dic.solver import PARAMETERS, Lighting, ShapeName
+from bscd.dic.solver import PARAMETERS, KnownSubsets, Lighting, ShapeName
 from bscd.dic.tracker_state import REFERENCE, GenerationState, Tracked, TrackerState, at_rest
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
@@ -63,6 +63,8 @@ class _Generation:
     before: FloatArray = field(init=False)
     curvature: tuple[NDArray[np.int64], Curvature] | None = None
     """Of the points that have this reference, and which they were."""
+    subsets: KnownSubsets | None = None
+    """What the kernel found of the points' subsets here."""
 
 
 class Tracker:
@@ -158,7 +160,7 @@ class Tracker:
         guess = self._predicted(generation, mine)
         if self._hopeless:  # a few will do to tell whether the surface is back
             guess[np.setdiff1d(np.arange(len(mine)), trial_points(start, self._settings.subset_px))] = np.nan
-        result = self._correlate(generation, start, current, guess)
+        result = self._correlate(generation, mine, current, guess)
         if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
             result = self._recovered(generation, mine, current, result)
         generation.before[mine] = generation.shape[mine]
@@ -171,6 +173,7 @@ class Tracker:
             start,
             result,
             self._curvature(generation, mine),
+            self._subsets(generation).only(mine),
             **self._common(generation, current),
         )
         self._take(generation, mine, result, whole)
@@ -194,7 +197,7 @@ class Tracker:
             gradient = deformation[here] @ np.linalg.inv(np.eye(2) + generation.reached.gradient[mine]) - np.eye(2)
             moved = place[here] - generation.reached.position_px[mine]
             guess = np.column_stack([moved[:, 0], gradient[:, 0], moved[:, 1], gradient[:, 1]])
-            result = self._correlate(generation, generation.reached.position_px[mine], current, guess)
+            result = self._correlate(generation, mine, current, guess)
             self._take(generation, mine, result, whole)
 
     def _take(self, generation: _Generation, mine: NDArray[np.int64], result: Correlation, whole: Tracked) -> None:
@@ -224,15 +227,16 @@ class Tracker:
         whole.status[mine] = result.status
 
     def _correlate(
-        self, generation: _Generation, start: FloatArray, current: PreparedImage, guess: FloatArray, find: bool = False
+        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, guess: FloatArray
     ) -> Correlation:
         return correlate(
             generation.image,
             current,
-            start,
+            generation.reached.position_px[mine],
             guess_px=guess,
-            find_guesses=find,
+            find_guesses=False,
             shape=self._settings.shape,
+            known_subsets=self._subsets(generation).only(mine),
             **self._common(generation, current),
         )
 
@@ -246,6 +250,11 @@ class Tracker:
             "zncc_min": settings.zncc_min,
             "threads": settings.threads,
         }
+
+    def _subsets(self, generation: _Generation) -> KnownSubsets:
+        if generation.subsets is None:
+            generation.subsets = KnownSubsets.none_of(len(self._of), self._settings.shape)
+        return generation.subsets
 
     def _curvature(self, generation: _Generation, mine: NDArray[np.int64]) -> Curvature:
         if generation.curvature is None or not np.array_equal(generation.curvature[0], mine):
@@ -264,7 +273,7 @@ class Tracker:
         start = generation.reached.position_px[mine]
 
         def attempt(index: NDArray[np.int64], guess: FloatArray) -> Correlation:
-            return self._correlate(generation, start[index], current, guess)
+            return self._correlate(generation, mine[index], current, guess)
 
         images = (generation.image, current)
         return recovered(first, start, generation.shape[mine], self._jump, images, self._settings.subset_px, attempt)

@@ -70,13 +70,16 @@ int bscd_best_set(void)
     return bscd_can_run(BSCD_SET_AVX2) ? BSCD_SET_AVX2 : BSCD_SET_BASELINE;
 }
 
+int bscd_memory_row(int solved) { return MEMORY_ROW(solved); }
+
 int bscd_icgn(int set, const bscd_image *reference, const bscd_image *current, const bscd_options *options,
               int64_t count, const double *points, double *shape, double *found, int32_t *status,
-              int32_t *iterations)
+              int32_t *iterations, double *memory, const int64_t *rows)
 {
     if (set == BSCD_SET_BEST) set = bscd_best_set();
     if (!bscd_can_run(set)) return 2;
-#define RUN(suffix) bscd_icgn_##suffix(reference, current, options, count, points, shape, found, status, iterations)
+#define RUN(suffix)                                                                                                    \
+    bscd_icgn_##suffix(reference, current, options, count, points, shape, found, status, iterations, memory, rows)
     switch (set) {
 #if defined(__x86_64__)
     case BSCD_SET_AVX512: return RUN(avx512);

@@ -53,12 +53,16 @@ enum { BSCD_SET_BEST = -1, BSCD_SET_BASELINE, BSCD_SET_AVX2, BSCD_SET_AVX512, BS
 int bscd_best_set(void);
 int bscd_can_run(int set);
 
+/* How many numbers of `memory` a point takes when `solved` parameters are solved for. */
+int bscd_memory_row(int solved);
+
 /* Solve `count` points. points (count, 2): column, row in the reference. shape (count, parameters): the guess in, the
  * result out: u, ux, uy, v, vx, vy, or u, ux, uy, uxx, uxy, uyy and the same of v (derivatives, so uxx goes with dx^2/2).
- * found (count, BSCD_FOUND), status (count), iterations (count). Returns 0, or 1 without memory, 2 for a set that the
+ * found (count, BSCD_FOUND), status (count), iterations (count). memory, or NULL: of subsets of this reference, 0 before the first
+ * call, what later calls with the same options need not find again; point i's is row rows[i]. Returns 0, or 1 without memory, 2 for a set that the
  * machine can not run. Touches nothing but its arguments, so threads may share the images. */
 int bscd_icgn(int set, const bscd_image *reference, const bscd_image *current, const bscd_options *options,
               int64_t count, const double *points, double *shape, double *found, int32_t *status,
-              int32_t *iterations);
+              int32_t *iterations, double *memory, const int64_t *rows);
 
 #endif

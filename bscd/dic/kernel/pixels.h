@@ -100,6 +100,9 @@ typedef struct {
     double share[BSCD_MOST][LIGHT]; /* what it has of them */
 } light;
 
+/* Numbers that `remember` keeps of a subset when n parameters are solved for: whether it is known comes first. */
+#define MEMORY_ROW(n) (4 + 2 * (n) + 2 * (n) * (n) + LIGHT * LIGHT + (n) * LIGHT)
+
 /* Correlation of what light and reference together explain with the current pixels: `in` are the sums of the light's
  * basis x g, norm2 the sum of squares of g less `mean2`, its mean's part. */
 static double lit_likeness(light *l, const double *in, double norm2, double mean2)

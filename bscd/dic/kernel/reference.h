@@ -232,6 +232,34 @@ static __attribute__((noinline)) int NAME(describe_light)(const int degree, subs
     return 1;
 }
 
+/* To a row of memory (`keep`) or from it what iterations with n parameters need of a subset that nothing but the
+ * reference's mask cuts. */
+static __attribute__((noinline)) void NAME(remember)(const int n, const int lit, const int keep, statistics *about,
+                                                     double *row)
+{
+    row++;
+#define PASS(values, count)                                                                                            \
+    do {                                                                                                               \
+        if (keep)                                                                                                      \
+            memcpy(row, values, sizeof(double) * (count));                                                             \
+        else                                                                                                           \
+            memcpy(values, row, sizeof(double) * (count));                                                             \
+        row += count;                                                                                                  \
+    } while (0)
+    PASS(&about->pixels, 1);
+    PASS(&about->mean, 1);
+    PASS(&about->norm2, 1);
+    PASS(about->sd, n);
+    PASS(about->sdf, n);
+    for (int i = 0; i < n; i++) {
+        PASS(about->hessian[i], i + 1);
+        PASS(about->factor[i], i + 1);
+        if (lit) PASS(about->light.share[i], LIGHT);
+    }
+    for (int i = 0; i < LIGHT && lit; i++) PASS(about->light.factor[i], LIGHT);
+#undef PASS
+}
+
 /* Sums over the reference with the weights m; 0 when there is no texture to match. */
 static __attribute__((noinline)) int NAME(describe)(const int degree, const int lit, subset *s, statistics *out)
 {

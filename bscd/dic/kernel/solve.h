@@ -40,7 +40,7 @@ static __attribute__((noinline)) int NAME(covariance)(const int degree, const bs
  * for, the others keep what the guess gave them. */
 INLINE int NAME(solve)(const int taps, const int degree, const int solved, subset *s, const bscd_image *reference,
                        const bscd_image *current, const bscd_options *options, const double *point, double *p,
-                       double *found, int32_t *iterations)
+                       double *found, int32_t *iterations, double *row)
 {
     const int half = MOMENT(0, degree) + 1, parts = MOMENT(0, solved) + 1;
     const double r = s->radius, right = s->vectors * LANES - 1 - s->radius, start[2] = {p[0], p[half]};
@@ -70,7 +70,15 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
             if (NAME(usable_now)(degree, s, current, p, p + half) < options->min_pixels) return BSCD_OUTSIDE;
         }
         if (!described) {
-            if (!NAME(describe)(solved, options->lit, s, &about)) return BSCD_LOW_TEXTURE;
+            if (row && !partial && *row)
+                NAME(remember)(2 * parts, options->lit, 0, &about, row);
+            else {
+                if (!NAME(describe)(solved, options->lit, s, &about)) return BSCD_LOW_TEXTURE;
+                if (row && !partial) {
+                    NAME(remember)(2 * parts, options->lit, 1, &about, row);
+                    *row = 1;
+                }
+            }
             described = 1;
         }
         sums_t now;
@@ -123,13 +131,15 @@ INLINE int NAME(solve)(const int taps, const int degree, const int solved, subse
 
 static void NAME(solve_all)(const int taps, subset *s, const bscd_image *reference,
                             const bscd_image *current, const bscd_options *options, int64_t count, const double *points,
-                            double *shape, double *found, int32_t *status, int32_t *iterations)
+                            double *shape, double *found, int32_t *status, int32_t *iterations, double *memory,
+                            const int64_t *rows)
 {
-    const int n = options->parameters;
+    const int n = options->parameters, row = MEMORY_ROW(options->solved);
 #define EACH(taps_, degree_, solved_)                                                                                  \
     for (int64_t i = 0; i < count; i++)                                                                                \
         status[i] = NAME(solve)(taps_, degree_, solved_, s, reference, current, options, points + 2 * i,               \
-                                shape + n * i, found + BSCD_FOUND * i, iterations + i)
+                                shape + n * i, found + BSCD_FOUND * i, iterations + i,                                 \
+                                memory ? memory + row * rows[i] : NULL)
     if (taps == 4 && n == 6 && options->solved == 2)
         EACH(4, 1, 0);
     else if (taps == 4 && n == 6)
@@ -150,7 +160,8 @@ static void NAME(solve_all)(const int taps, subset *s, const bscd_image *referen
 }
 
 int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, const bscd_options *options, int64_t count,
-                    const double *points, double *shape, double *found, int32_t *status, int32_t *iterations)
+                    const double *points, double *shape, double *found, int32_t *status, int32_t *iterations,
+                    double *known, const int64_t *known_rows)
 {
     subset s;
     s.radius = options->radius;
@@ -190,8 +201,8 @@ int NAME(bscd_icgn)(const bscd_image *reference, const bscd_image *current, cons
         w->dx[i] = (float)(i % s.vectors * LANES - s.radius);
         w->dy[i] = (float)(i / s.vectors - s.radius);
     }
-    NAME(solve_all)(reference->taps, &s, reference, current, options, count, points, shape, found, status,
-                    iterations);
+    NAME(solve_all)(reference->taps, &s, reference, current, options, count, points, shape, found, status, iterations,
+                    known, known_rows);
     free(memory);
     return 0;
 }
