@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,9 @@ from bscd.errors import BscdError, InputError
 from drivers.errors import DeviceError
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
+
+#: A thread that waits for the interpreter gets it so soon: requests are answered while others compute.
+_SWITCH_S = 0.0005
 
 _LOG = structlog.get_logger(__name__)
 
@@ -48,6 +52,7 @@ def register(app: typer.Typer) -> None:
         Example: bscd serve --config rig.toml
         """
         configure_logs(json=json_logs)
+        sys.setswitchinterval(_SWITCH_S)
         given = {"data_folder": None if data is None else str(data.absolute()), "port": port}
         changes = {name: value for name, value in given.items() if value is not None}
         with open_daemon(config, emulate=emulate, attended=attended, **changes) as daemon:

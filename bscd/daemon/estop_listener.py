@@ -22,6 +22,7 @@ class EStopListener:
     def __init__(self, estop: EmergencyStop, host: str, port: int, admit: Callable[[str], bool]) -> None:
         class Handler(BaseHTTPRequestHandler):
             timeout = _SOCKET_S
+            disable_nagle_algorithm = True
 
             def do_POST(self) -> None:
                 if self.path.rstrip("/") not in ("/estop", "/api/v1/estop"):
