@@ -36,6 +36,13 @@ class LabJackT7:
         Where it is, and how its analog input is set up; done again whenever the connection has been made.
     clock : Clock
         The frames' clock.
+
+    Attributes
+    ----------
+    serial, firmware : str
+        Its own, once connected.
+    connections : int
+        How often the connection has been made.
     """
 
     def __init__(self, device: str, options: InputOptions, clock: Clock) -> None:
@@ -44,6 +51,7 @@ class LabJackT7:
         self._clock = clock
         self.serial = ""
         self.firmware = ""
+        self.connections = 0
         self.line = Line(
             device, options.address, SerialSettings(), options.answer_timeout_s, clock, greet=self._recognise
         )
@@ -78,23 +86,34 @@ class LabJackT7:
             words = f"{doing}: DAC0 was set to {volts:.4g} V and reads {told:.4g} V"
             raise DeviceFaultError(self._device, words, "look what else writes to it")
 
+    def read_uint(self, address: int, doing: str) -> int:
+        """The unsigned 32-bit value at an address."""
+        words = self.line.read(UNIT, address, 2, doing)
+        value = ModbusTcpClient.convert_from_registers(words, _UINT32, "big")
+        return value if isinstance(value, int) else -1
+
+    def write_uint(self, address: int, value: int, doing: str) -> None:
+        """Write an unsigned 32-bit value."""
+        self.line.write(UNIT, address, ModbusTcpClient.convert_to_registers(value, _UINT32, "big"), doing)
+
     def _recognise(self) -> None:
         """See that it is the right T7 and set its input up."""
         doing = "asking who is there"
-        pattern = self._read_uint(TEST, doing)
+        pattern = self.read_uint(TEST, doing)
         if pattern != TEST_PATTERN:
             words = f"{doing}: its test register reads 0x{pattern:08X}, so it is no LabJack"
             raise NotConnectedError(self._device, words, "check the address")
         product = self._read_float(PRODUCT_ID, doing)
         if round(product) != PRODUCT_T7:
             raise NotConnectedError(self._device, f"{doing}: it is a T{product:g}, not a T7", "check the address")
-        self.serial = str(self._read_uint(SERIAL_NUMBER, doing))
+        self.serial = str(self.read_uint(SERIAL_NUMBER, doing))
         self.firmware = f"{self._read_float(FIRMWARE_VERSION, doing):.4f}"
         wanted = self._options.serial_number
         if wanted is not None and self.serial != str(wanted):
             words = f"{doing}: it is the T7 with serial number {self.serial}, not {wanted}"
             raise NotConnectedError(self._device, words, "check the address")
         self._set_up()
+        self.connections += 1
 
     def _set_up(self) -> None:
         doing, options = "setting up its input", self._options
@@ -108,11 +127,6 @@ class LabJackT7:
         words = self.line.read(UNIT, address, 2, doing)
         value = ModbusTcpClient.convert_from_registers(words, _FLOAT32, "big")
         return value if isinstance(value, float) else math.nan
-
-    def _read_uint(self, address: int, doing: str) -> int:
-        words = self.line.read(UNIT, address, 2, doing)
-        value = ModbusTcpClient.convert_from_registers(words, _UINT32, "big")
-        return value if isinstance(value, int) else -1
 
     def _write_float(self, address: int, value: float, doing: str) -> None:
         self.line.write(UNIT, address, ModbusTcpClient.convert_to_registers(value, _FLOAT32, "big"), doing)

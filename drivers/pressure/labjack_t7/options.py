@@ -11,6 +11,8 @@ from drivers.modbus import Address
 
 DAC_LIMITS_V = Range(0.0, 5.0)
 RANGES_V = (10.0, 1.0, 0.1, 0.01)
+LEAST_WATCHDOG_S, MOST_WATCHDOG_S = 2, 3600
+"""LabJack recommends no less than 2 to 3 s."""
 
 
 def _ordered(interval: tuple[float, float]) -> tuple[float, float]:
@@ -29,6 +31,12 @@ def _a_range_of_the_t7(range_v: float) -> float:
     if range_v not in RANGES_V:
         raise ValueError(f"range_v {range_v:g} must be one of {', '.join(f'{known:g}' for known in RANGES_V)}")
     return range_v
+
+
+def _off_or_long_enough(watchdog_s: int) -> int:
+    if watchdog_s != 0 and not LEAST_WATCHDOG_S <= watchdog_s <= MOST_WATCHDOG_S:
+        raise ValueError(f"watchdog_s {watchdog_s} must be 0 (off) or {LEAST_WATCHDOG_S} to {MOST_WATCHDOG_S}")
+    return watchdog_s
 
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -117,6 +125,9 @@ class LabJackT7Options(InputOptions):
 
     regulator: RegulatorOptions
     ceiling_kpa: Finite = Field(default=17.0, description="a reading above it vents and keeps the regulator off, kPa")
+    watchdog_s: Annotated[int, AfterValidator(_off_or_long_enough)] = Field(
+        default=10, description="silence of the host after which the T7 vents by itself, whole seconds; 0: never"
+    )
 
     @model_validator(mode="after")
     def _can_be_driven(self) -> LabJackT7Options:
@@ -127,4 +138,8 @@ class LabJackT7Options(InputOptions):
             raise ValueError(f"ceiling_kpa {self.ceiling_kpa:g} must lie above the limits' {self.limits_kpa[1]:g}")
         if not self.transducer.can_be(self.ceiling_kpa):
             raise ValueError(f"ceiling_kpa {self.ceiling_kpa:g} lies beyond what the transducer can read")
+        if 0 < self.watchdog_s <= 2.0 * self.answer_timeout_s:
+            raise ValueError(
+                f"watchdog_s {self.watchdog_s} must be longer than twice answer_timeout_s: one lost answer"
+            )
         return self

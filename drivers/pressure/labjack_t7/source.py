@@ -10,6 +10,7 @@ from drivers.errors import DeviceError, DeviceFaultError, OutOfLimitsError
 from drivers.interfaces import PressureInfo, PressureReading, PressureReadings, Range
 from drivers.pressure.labjack_t7.options import LabJackT7Options
 from drivers.pressure.labjack_t7.transducer import Transducer
+from drivers.pressure.labjack_t7.watchdog import Watchdog
 from drivers.registry import DriverContext
 
 VENT_V = 0.0
@@ -21,7 +22,8 @@ class LabJackT7Pressure:
     """See `drivers.interfaces.SampledPressureSource`; ``docs/drivers/labjack-t7.md`` says how to wire it.
 
     A sample above the ceiling, or one that a whole transducer can not read, vents at once; no pressure can be set
-    until somebody has called `vent`.
+    until somebody has called `vent`. The T7's own watchdog is armed by the first pressure above 0 V and disarmed by
+    `close` once vented; between, at 0 V, it can do no harm, and `vent` has nothing to wait for but DAC0.
     """
 
     def __init__(self, options: LabJackT7Options, context: DriverContext) -> None:
@@ -31,6 +33,7 @@ class LabJackT7Pressure:
         self._setting = threading.RLock()
         self._tripped = ""
         self._transducer = Transducer(context.name, options, context.clock, self._watch)
+        self._watchdog = Watchdog(context.name, self._transducer.labjack, options.watchdog_s)
 
     @property
     def sample_rate_hz(self) -> float:
@@ -42,7 +45,7 @@ class LabJackT7Pressure:
         self._transducer.connect()
 
     def close(self) -> None:
-        """Vent, as far as the LabJack answers, and close the connection."""
+        """Vent and disarm the watchdog, as far as the LabJack answers, and close the connection."""
         self._transducer.close(self._vent_or_log)
 
     def info(self) -> PressureInfo:
@@ -63,7 +66,11 @@ class LabJackT7Pressure:
         return self._options.regulator.pressure_kpa(volts)
 
     def set_pressure(self, pressure_kpa: float) -> None:
-        """Set DAC0, read it back and return. Raises `OutOfLimitsError` first, `DeviceFaultError` after a trip."""
+        """Arm the watchdog, set DAC0, read it back and return.
+
+        Raises `OutOfLimitsError` first, `DeviceFaultError` after a trip, and `UnsupportedError`, with DAC0 as it was,
+        when there is to be a watchdog and the firmware has none.
+        """
         doing = f"setting {pressure_kpa:g} kPa"
         self._transducer.labjack.line.require_open(doing)
         if not self._limits_kpa.contains(pressure_kpa):
@@ -71,9 +78,13 @@ class LabJackT7Pressure:
             raise OutOfLimitsError(self.name, f"{doing}: outside its limits", f"choose a pressure from {allowed}")
         low_v, high_v = (self._options.regulator.volts(limit) for limit in self._options.limits_kpa)
         volts = min(max(self._options.regulator.volts(pressure_kpa), low_v), high_v)
+        if volts > VENT_V:
+            self._watchdog.arm(doing)  # what may take long, while a vent need not wait for it
         with self._setting:
             if self._tripped:
                 raise DeviceFaultError(self.name, f"{doing}: {self._tripped}", "find the cause, then vent it")
+            if volts > VENT_V:
+                self._watchdog.arm(doing)  # nothing to do, unless `close` came between
             self._transducer.labjack.set_dac_volts(volts, doing)
 
     def vent(self) -> None:
@@ -92,10 +103,17 @@ class LabJackT7Pressure:
                     raise
 
     def _vent_or_log(self) -> None:
-        try:
-            self.vent()
-        except DeviceError as error:
-            _LOG.warning("closed without venting: %s", error)
+        with self._setting:
+            try:
+                self.vent()
+            except DeviceError as error:
+                by_itself = f"; the T7 vents {self._watchdog.timeout_s} s after" if self._watchdog.is_armed else ""
+                _LOG.warning("closed without venting: %s%s", error, by_itself)
+                return
+            try:
+                self._watchdog.disarm("closing")
+            except DeviceError as error:
+                _LOG.warning("vented, and closed with the watchdog armed: %s", error)
 
     def _watch(self, sample: PressureReading | DeviceError) -> None:
         """Vent when the pressure is too high or the transducer is broken; with every sample, whoever else sets it."""

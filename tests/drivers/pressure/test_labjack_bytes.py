@@ -1,15 +1,18 @@
 """Every message sent to the LabJack, byte by byte: Modbus TCP written out from the protocol table and the standard.
 
 55100 = D73C, 60000 = EA60, 60004 = EA64, 60028 = EA7C, 40000 = 9C40, 41000 = A028, 41500 = A21C, 42000 = A410,
-1000 = 03E8; floats are IEEE 754, upper word first: 7.0 = 40E00000, 10.0 = 41200000, 1.5 = 3FC00000, 3.125 = 40480000.
+1000 = 03E8; the watchdog's 61600 = F0A0, 61602 = F0A2, 61604 = F0A4, 61610 = F0AA, 61620 = F0B4, 61640 = F0C8,
+61642 = F0CA (LabJack's Modbus map); floats are IEEE 754, upper word first: 7.0 = 40E00000, 10.0 = 41200000,
+1.5 = 3FC00000, 3.125 = 40480000.
 """
 
 import pytest
 
 from drivers.clock import HostClock
-from drivers.errors import DeviceFaultError, NotConnectedError, ProtocolError
+from drivers.errors import DeviceFaultError, NotConnectedError, ProtocolError, UnsupportedError
 from drivers.pressure.labjack_t7 import InputOptions
 from drivers.pressure.labjack_t7.device import LabJackT7
+from drivers.pressure.labjack_t7.watchdog import Watchdog
 from tests.drivers.modbus_peer import tcp_peer
 from tests.drivers.pressure.rigs import settings
 
@@ -145,3 +148,109 @@ def test_another_device_is_refused(transcript, words):
         assert not labjack.line.is_open
 
     run(transcript, act, serial_number=470000000)
+
+
+def told(address: str, value: str) -> tuple[str, str]:
+    return f"01 03 {address} 00 02", f"01 03 04 {value}"
+
+
+def write(address: str, value: str) -> tuple[str, str]:
+    return f"01 10 {address} 00 02 04 {value}", f"01 10 {address} 00 02"
+
+
+ENABLED, DISABLED = told("F0 A0", "00 00 00 01"), told("F0 A0", "00 00 00 00")
+ENABLE, DISABLE = write("F0 A0", "00 00 00 01"), write("F0 A0", "00 00 00 00")
+FROM_THE_FACTORY = [
+    told("F0 A2", "00 00 00 00"),
+    told("F0 A4", "00 00 00 00"),
+    told("F0 AA", "00 00 00 00"),
+    told("F0 B4", "00 00 00 00"),
+    told("F0 C8", "00 00 00 00"),
+    told("F0 CA", "00 00 00 00"),
+]
+AS_WANTED = [
+    FROM_THE_FACTORY[0],
+    told("F0 A4", "00 00 00 0A"),
+    *FROM_THE_FACTORY[2:4],
+    told("F0 C8", "00 00 00 01"),
+    FROM_THE_FACTORY[5],
+]
+OTHERWISE = [
+    told("F0 A2", "00 00 00 02"),
+    told("F0 A4", "00 00 00 3C"),
+    told("F0 AA", "00 00 00 01"),
+    told("F0 B4", "00 00 00 01"),
+    told("F0 C8", "00 00 00 00"),
+    told("F0 CA", "40 00 00 00"),
+]
+CORRECTED = [
+    write("F0 A2", "00 00 00 00"),
+    write("F0 A4", "00 00 00 0A"),
+    write("F0 AA", "00 00 00 00"),
+    write("F0 B4", "00 00 00 00"),
+    write("F0 C8", "00 00 00 01"),
+    write("F0 CA", "00 00 00 00"),
+]
+
+
+@pytest.mark.parametrize(
+    "transcript",
+    [
+        pytest.param([ENABLED, *AS_WANTED], id="as it should be: nothing is written"),
+        pytest.param([DISABLED, *AS_WANTED, ENABLE, ENABLED, *AS_WANTED], id="only to be enabled"),
+        pytest.param(
+            [DISABLED, *FROM_THE_FACTORY, CORRECTED[1], CORRECTED[4], ENABLE, ENABLED, *AS_WANTED],
+            id="from the factory",
+        ),
+        pytest.param(
+            [ENABLED, *OTHERWISE, DISABLE, *CORRECTED, ENABLE, ENABLED, *AS_WANTED],
+            id="set otherwise, and running: disabled first",
+        ),
+    ],
+)
+def test_arming_writes_what_differs_in_labjack_s_order(transcript):
+    def act(labjack):
+        watchdog = Watchdog("pressure", opened(labjack), 10)
+        watchdog.arm("setting 4 kPa")
+        watchdog.arm("setting 5 kPa")
+        watchdog.disarm("closing")
+        watchdog.disarm("closing")
+
+    run([*GREETING, *transcript, DISABLE], act)
+
+
+def test_no_watchdog_sends_nothing():
+    def act(labjack):
+        watchdog = Watchdog("pressure", opened(labjack), 0)
+        watchdog.arm("setting 4 kPa")
+        watchdog.disarm("closing")
+
+    run(GREETING, act)
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4])
+def test_a_watchdog_that_is_refused_is_not_there(code):
+    def act(labjack):
+        watchdog = Watchdog("pressure", opened(labjack), 10)
+        with pytest.raises(UnsupportedError, match=r"setting 4 kPa: its firmware 1\.0312 .*set watchdog_s = 0"):
+            watchdog.arm("setting 4 kPa")
+        assert not watchdog.is_armed
+
+    run([*GREETING, ("01 03 F0 A0 00 02", f"01 83 {code:02X}")], act)
+
+
+def test_a_garbled_answer_does_not_tell_that_there_is_no_watchdog():
+    def act(labjack):
+        watchdog = Watchdog("pressure", opened(labjack), 10)
+        with pytest.raises(ProtocolError, match=r"another question|garbled"):
+            watchdog.arm("setting 4 kPa")
+
+    run([*GREETING, ("01 03 F0 A0 00 02", "01 04 04 00 00 00 01")], act)
+
+
+def test_a_watchdog_that_does_not_keep_its_settings_is_a_fault():
+    def act(labjack):
+        with pytest.raises(DeviceFaultError, match="does not keep what it is set to; look what else writes to it"):
+            Watchdog("pressure", opened(labjack), 10).arm("setting 4 kPa")
+
+    run([*GREETING, DISABLED, *AS_WANTED, ENABLE, DISABLED], act)

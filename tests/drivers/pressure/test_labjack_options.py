@@ -41,12 +41,22 @@ def test_a_transducer_can_read_a_little_beyond_its_range(pressure_kpa, possible)
         ({"ceiling_kpa": 21.5}, "beyond what the transducer can read"),
         ({"transducer": {**TRANSDUCER, "kpa_per_volt": 0.0}}, "must not be 0"),
         ({"transducer": {**TRANSDUCER, "serial": ""}}, "at least 1 character"),
+        ({"watchdog_s": 1}, r"watchdog_s 1 must be 0 \(off\) or 2 to 3600"),
+        ({"watchdog_s": -1}, r"must be 0 \(off\) or 2 to 3600"),
+        ({"watchdog_s": 3601}, r"must be 0 \(off\) or 2 to 3600"),
+        ({"watchdog_s": 2.5}, "valid integer"),
+        ({"watchdog_s": 2, "answer_timeout_s": 1.0}, "longer than twice answer_timeout_s"),
         ({"celling_kpa": 17.0}, "Extra inputs"),
     ],
 )
 def test_refuses_what_can_not_be(changes, words):
     with pytest.raises(ValidationError, match=words):
         LabJackT7Options.model_validate({**GOOD, **changes})
+
+
+@pytest.mark.parametrize(("changes", "watchdog_s"), [({}, 10), ({"watchdog_s": 0}, 0), ({"watchdog_s": 2}, 2)])
+def test_the_t7_vents_by_itself_unless_told_not_to(changes, watchdog_s):
+    assert LabJackT7Options.model_validate({**GOOD, **changes}).watchdog_s == watchdog_s
 
 
 def test_a_source_turned_by_hand_has_no_regulator():
