@@ -2,67 +2,55 @@
 
 from __future__ import annotations
 
-import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
-from sqlalchemy import create_engine, delete, event, insert, select, text
+from sqlalchemy import delete, insert, select, tuple_
 from sqlalchemy.dialects.sqlite import insert as upsert
-from sqlalchemy.engine import Connection, Engine
-from sqlalchemy.exc import DatabaseError, SQLAlchemyError
+from sqlalchemy.engine import Connection
+from sqlalchemy.exc import SQLAlchemyError
 
 from bscd.daemon.documents import AuditDocument, JobDocument, JobStatus
 from bscd.daemon.errors import UnknownNameError
-from bscd.daemon.journal_tables import AUDIT, JOBS, KEYS, METADATA, VERSION
+from bscd.daemon.journal_file import AUDIT, BUSY_S, JOBS, KEYS, advice, opened, sentence
 from bscd.errors import BscdError, InputError
 
 #: How long an Idempotency-Key is remembered.
 KEY_LIFE_S = 24 * 3600.0
 
-_BUSY_S = 10.0
 _LONGEST_DETAIL = 2000
 
 
 class JournalError(BscdError):
-    """The journal could not be written; the disk may be full."""
+    """The journal could not be written or read while in use: the disk is full, the file is damaged or closed."""
 
 
 class Journal:
     """An SQLite file; safe to use from any thread.
 
     A damaged file is kept aside under another name and a new one begun, which `problem` tells. Raises `InputError` for
-    the file of a newer version, or where it can not be written.
+    the file of a newer version, or where it can not be written. Every method raises `JournalError` when the file can
+    not be written or read. ``now_s`` is the time, s since 1970.
     """
 
     def __init__(self, path: Path, now_s: Callable[[], float] = time.time) -> None:
         self.path, self._now_s = path, now_s
-        self.problem = ""
-        try:
-            self._engine = _opened(path)
-        except DatabaseError as error:
-            if "not a database" not in str(error) and "malformed" not in str(error):
-                raise InputError(f"{path}: the journal can not be used ({error.orig})") from error
-            aside = path.with_name(f"{path.stem}-damaged-{datetime.now(UTC):%Y%m%dT%H%M%S}{path.suffix}")
-            path.rename(aside)
-            for ending in ("-wal", "-shm"):
-                beside = path.with_name(path.name + ending)
-                if beside.exists():
-                    beside.rename(aside.with_name(aside.name + ending))
-            self.problem = f"the journal was damaged and is kept as {aside.name}; a new one was begun"
-            self._engine = _opened(path)
+        self._turn, self._closed = threading.Lock(), False
+        self._engine, self.problem = opened(path, self._now())
 
     def save(self, job: JobDocument) -> None:
-        """Keep a job as it is now; on the disk when this returns. Raises `JournalError`."""
+        """Keep a job as it is now; on the disk when this returns."""
         row = {
             "id": job.id,
             "status": job.status.value,
             "place": job.place,
-            "created_at": job.created_at.isoformat(),
+            "created_at": _sortable(job.created_at),
             "document": job.model_dump_json(),
         }
         changed = {name: row[name] for name in ("status", "place", "document")}
@@ -71,21 +59,28 @@ class Journal:
 
     def job(self, job_id: str) -> JobDocument:
         """A job. Raises `UnknownNameError`."""
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             found = connection.execute(select(JOBS.c.document).where(JOBS.c.id == job_id)).scalar()
         if found is None:
             raise UnknownNameError(f"job {job_id[:80]!r}: there is none of that name")
         return _job(found)
 
     def jobs(self, status: JobStatus | None = None, limit: int = 100, before: str | None = None) -> list[JobDocument]:
-        """The newest first; ``before`` a job, to page on."""
-        query = select(JOBS.c.document).order_by(JOBS.c.number.desc()).limit(limit)
+        """The newest first, of the same time the last saved; ``before`` a job, to page on.
+
+        Raises `UnknownNameError` when there is no such job to page on from.
+        """
+        age = tuple_(JOBS.c.created_at, JOBS.c.number)
+        query = select(JOBS.c.document).order_by(JOBS.c.created_at.desc(), JOBS.c.number.desc()).limit(limit)
         if status is not None:
             query = query.where(JOBS.c.status == status.value)
-        if before is not None:
-            number = select(JOBS.c.number).where(JOBS.c.id == before).scalar_subquery()
-            query = query.where(JOBS.c.number < number)
-        return [_job(document) for document in self._documents(query)]
+        with self._reading() as connection:
+            if before is not None:
+                place = connection.execute(select(JOBS.c.created_at, JOBS.c.number).where(JOBS.c.id == before)).first()
+                if place is None:
+                    raise UnknownNameError(f"job {before[:80]!r}: there is none of that name to list on from")
+                query = query.where(age < tuple_(*place))
+            return [_job(document) for document in connection.execute(query).scalars()]
 
     def queue(self) -> list[JobDocument]:
         """Those that wait, in the order in which they came."""
@@ -106,7 +101,7 @@ class Journal:
                     "status": JobStatus.INTERRUPTED,
                     "reason": reason,
                     "prompt": None,
-                    "ended_at": datetime.fromtimestamp(self._now_s(), UTC),
+                    "ended_at": self._now(),
                 }
             )
             for document in self._documents(query)
@@ -117,14 +112,13 @@ class Journal:
 
     def audit(self, who: str, action: str, target: str, outcome: str, detail: str = "") -> None:
         """Note who asked for what, and what came of it."""
-        now = datetime.fromtimestamp(self._now_s(), UTC).isoformat()
-        row = {"time": now, "who": who, "action": action, "target": target, "outcome": outcome}
+        row = {"time": self._now().isoformat(), "who": who, "action": action, "target": target, "outcome": outcome}
         with self._writing() as connection:
             connection.execute(insert(AUDIT).values(**row, detail=detail[:_LONGEST_DETAIL]))
 
     def audits(self, limit: int = 100) -> list[AuditDocument]:
         """The newest first."""
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             rows = connection.execute(select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)).mappings()
             return [AuditDocument.model_validate(dict(row)) for row in rows]
 
@@ -141,64 +135,66 @@ class Journal:
         query = select(KEYS.c.fingerprint, KEYS.c.job_id).where(
             KEYS.c.key == key, KEYS.c.since_s >= self._now_s() - KEY_LIFE_S
         )
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             row = connection.execute(query).first()
         return None if row is None else (str(row[0]), str(row[1]))
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file, after whoever writes has written; what comes later is refused with `JournalError`."""
+        got = self._turn.acquire(timeout=2 * BUSY_S)
+        self._closed = True
         self._engine.dispose()
+        if got:
+            self._turn.release()
+
+    def _now(self) -> datetime:
+        return datetime.fromtimestamp(self._now_s(), UTC)
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
+        """One writer at a time, in turn: SQLite's own waiting is by trial, and may pass one over."""
+        if not self._turn.acquire(timeout=2 * BUSY_S):
+            raise JournalError(
+                f"{self.path}: the journal is still being written by another; see whether the disk fails"
+            )
         try:
-            with self._engine.begin() as connection:
+            with self._telling("written"), self._engine.begin() as connection:
                 yield connection
+        finally:
+            self._turn.release()
+
+    @contextmanager
+    def _reading(self) -> Iterator[Connection]:
+        with self._telling("read"), self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def _telling(self, what: str) -> Iterator[None]:
+        if self._closed:
+            raise JournalError(f"{self.path}: the journal can not be {what}, it is closed; start the daemon again")
+        try:
+            yield
         except SQLAlchemyError as error:
-            raise JournalError(f"{self.path}: the journal can not be written ({error}); is the disk full?") from error
+            told = f"{self.path}: the journal can not be {what} ({sentence(error)}); {advice(error)}"
+            raise JournalError(told) from error
 
     def _documents(self, query: Any) -> list[str]:
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             return list(connection.execute(query).scalars())
 
 
-def _version(path: Path) -> int:
-    """Of the file's layout; 0 where there is none yet. Changes nothing."""
-    if not path.exists():
-        return 0
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=_BUSY_S)) as connection:
-        try:
-            return int(connection.execute("PRAGMA user_version").fetchone()[0])
-        except sqlite3.DatabaseError:  # whoever opens it to write says what is wrong
-            return 0
-
-
-def _opened(path: Path) -> Engine:
-    if (version := _version(path)) > VERSION:
-        raise InputError(
-            f"{path}: is the journal of a newer bscd (version {version}, this one knows {VERSION}); "
-            f"install that one, or name another data folder"
-        )
-    engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": _BUSY_S, "check_same_thread": False})
-
-    @event.listens_for(engine, "connect")
-    def durable(connection: Any, _: Any) -> None:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
-
-    try:
-        with engine.begin() as connection:
-            METADATA.create_all(connection)
-            connection.execute(text(f"PRAGMA user_version = {VERSION}"))
-            connection.execute(select(JOBS.c.id).limit(1)).all()
-    except SQLAlchemyError:
-        engine.dispose()
-        raise
-    return engine
+def _sortable(time: datetime) -> str:
+    """A time as text that sorts as the times do: UTC, always with microseconds."""
+    return time.astimezone(UTC).isoformat(timespec="microseconds")
 
 
 def _job(document: str) -> JobDocument:
     try:
         return JobDocument.model_validate_json(document)
     except ValidationError as error:
-        raise InputError(f"the journal: holds a job that this version does not know: {error}") from error
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(
+            f"the journal: holds a job that this version of bscd does not know ({where}: {first['msg']}); "
+            f"install the version that made it, or name another data folder"
+        ) from error
