@@ -75,6 +75,7 @@ class Matching:
         )
         self.guess = np.full(count, GuessSource.NONE, np.int8)
         self._surprising = np.zeros(count, bool)
+        self._last_tree: tuple[IntArray, KDTree] | None = None
         self._hopeless = ~self._on_reference()
         self.solved.status[self._hopeless] = Status.OUTSIDE
 
@@ -151,7 +152,7 @@ class Matching:
             first = len(waiting) > len(self._points) // 2
             best, distance = nearest_known(
                 self._points[waiting],
-                self._points[known],
+                self._tree(known),
                 self.solved.column("zncc")[known],
                 1 if first else _NEIGHBOURS,
             )
@@ -226,7 +227,7 @@ class Matching:
 
     def _expected(self, index: IntArray, known: IntArray) -> tuple[FloatArray, FloatArray]:
         """Median over the nearest known points of the shape ``(n, P)`` they let expect at points, and of their ZNCC."""
-        _, near = KDTree(self._points[known]).query(self._points[index], k=_NEIGHBOURS + 1)
+        _, near = self._tree(known).query(self._points[index], k=_NEIGHBOURS + 1)
         source = known[near]
         others = source != index[:, None]
         offsets = self._points[index][:, None] - self._points[source]
@@ -236,6 +237,12 @@ class Matching:
         shapes[~others] = np.nan
         return np.nanmedian(shapes, axis=1), np.median(self.solved.column("zncc")[source], axis=1)
 
+    def _tree(self, known: IntArray) -> KDTree:
+        """Of known points, ``known`` their numbers; made once while they are the same."""
+        if self._last_tree is None or not np.array_equal(self._last_tree[0], known):
+            self._last_tree = known, KDTree(self._points[known])
+        return self._last_tree[1]
+
     def _search(self) -> None:
         """Search windows about the nearest match, or about no displacement, at the points that are left."""
         index = np.flatnonzero(self._open())
@@ -244,7 +251,7 @@ class Matching:
         about = np.zeros((len(index), 2))
         known = np.flatnonzero(self.solved.valid)
         if len(known):
-            best, _ = nearest_known(self._points[index], self._points[known], self.solved.column("zncc")[known])
+            best, _ = nearest_known(self._points[index], self._tree(known), self.solved.column("zncc")[known])
             source = known[best]
             moved = extrapolate(self.solved.shape[source], self._points[index] - self._points[source])
             about = moved[:, [0, self._parameters // 2]]

@@ -21,13 +21,13 @@ def seed_points(points_px: FloatArray, cell_px: float) -> IntArray:
 
 
 def nearest_known(
-    points_px: FloatArray, known_px: FloatArray, reliability: FloatArray, candidates: int = 1
+    points_px: FloatArray, known_px: KDTree, reliability: FloatArray, candidates: int = 1
 ) -> tuple[IntArray, FloatArray]:
-    """For each point ``(N, 2)`` the most reliable of its nearest known points ``(M, 2)``, M > 0, and how far it is.
+    """For each point ``(N, 2)`` the most reliable of its nearest known points, M > 0 in a tree, and how far it is.
 
     ``reliability`` ``(M,)``: higher is better (ZNCC). Returns indices ``(N,)`` and distances ``(N,)`` px.
     """
-    distance, index = KDTree(known_px).query(points_px, k=min(candidates, len(known_px)))
+    distance, index = known_px.query(points_px, k=min(candidates, known_px.n))
     if index.ndim == 1:
         return index, distance
     best = np.argmax(reliability[index], axis=1)[:, None]
