@@ -30,10 +30,8 @@ def main() -> None:
     with bscd.Client(given.url, operator="repeat_inflation.py") as rig, rig.control():
         for number in range(given.times):
             job = rig.wait(rig.submit(recipe).id)
-            figures = job.figures
-            print(
-                f"{number + 1} of {given.times}: {job.outputs['run']}, {figures['frames']} frames, {figures['ending']}"
-            )
+            run, figures = job.outputs["run"], job.figures
+            print(f"{number + 1} of {given.times}: {run}, {figures['frames']} frames, {figures['ending']}")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 import bscd
@@ -27,10 +28,8 @@ async def watch(url: str, jobs: int, folder: Path) -> None:
                 if job.status.ended:
                     print(f"{job.id}: {job.recipe.recipe} {job.status.value} {job.reason}".rstrip(), flush=True)
             seen.add(now.id)
-            try:
+            with suppress(UnknownNameError):  # it may have taken no picture yet
                 (folder / f"{now.id}.jpg").write_bytes(await rig.snapshot())
-            except UnknownNameError:
-                pass  # it has taken no picture yet
 
 
 def main() -> None:
