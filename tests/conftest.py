@@ -7,6 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.drivers import own_network
+from tests.drivers.own_network import pytest_runtest_protocol
+
+__all__ = ["pytest_runtest_protocol"]
+
 # here, since tests beside the drivers' inherit them too and may be collected first
 pytest.register_assert_rewrite(
     "tests.drivers.contract.axis_contract",
@@ -15,6 +20,24 @@ pytest.register_assert_rewrite(
 )
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+class _Child:
+    """What a child in a network of its own does beside testing: it hands its reports over."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        own_network.report_to_file(self._config, report)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if own_network.inside():
+        from drivers.emulators.gige.loopback import bring_up
+
+        bring_up()
+        config.pluginmanager.register(_Child(config))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

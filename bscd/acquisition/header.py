@@ -8,7 +8,8 @@ import h5py
 import hdf5plugin  # noqa: F401  # HDF5 reads compressed runs by it
 
 from bscd.acquisition.layout import AXIS_UNIT, INSTRUMENT, PRESSURE
-from bscd.acquisition.records import AXES, CAMERAS, AxisMeta, AxisUnit, CameraMeta, PressureMeta, RunHeader
+from bscd.acquisition.names import AXES, CAMERAS, AxisUnit
+from bscd.acquisition.records import AxisMeta, CameraMeta, PressureMeta, RunHeader
 from bscd.hdf5 import ENTRY, dataset_at, group_at, read_identity, text_at
 from drivers.interfaces import Range
 

@@ -14,16 +14,9 @@ from numpy.typing import NDArray
 
 from bscd.acquisition.images import read_grey
 from bscd.acquisition.manifest import MANIFEST, ManifestRow, parse_manifest
+from bscd.acquisition.names import AxisName, CameraName, PhaseName
 from bscd.acquisition.problems import ImportRefusedError, Problem
-from bscd.acquisition.records import (
-    AxisMeta,
-    AxisName,
-    CameraMeta,
-    CameraName,
-    FrameRecord,
-    PhaseName,
-    PressureMeta,
-)
+from bscd.acquisition.records import AxisMeta, CameraMeta, FrameRecord, PressureMeta
 from bscd.acquisition.survey import SeenImage, cameras_of, look_at, remarks
 from bscd.acquisition.writer import RunWriter
 from bscd.errors import InputError

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bscd.acquisition.records import AxisName, AxisUnit
+from bscd.acquisition.names import AxisName, AxisUnit
 from bscd.hdf5 import FileKind
 
 #: What a run file is; a reader refuses a definition and a version that it does not know.

@@ -11,8 +11,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import cast
 
+from bscd.acquisition.names import CAMERAS, PHASES, CameraName, PhaseName
 from bscd.acquisition.problems import Problem, allowed_hint, shown
-from bscd.acquisition.records import CAMERAS, PHASES, CameraName, PhaseName
 
 MANIFEST = "manifest.csv"
 HEADER = ("file", "camera", "phase", "target_position", "y_mm", "rotation_deg", "pressure_kpa", "time_s")

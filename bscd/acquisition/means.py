@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.acquisition.records import CameraName, FrameRecord, PhaseName
+from bscd.acquisition.names import CameraName, PhaseName
+from bscd.acquisition.records import FrameRecord
 from drivers.interfaces import FrameStatus
 
 

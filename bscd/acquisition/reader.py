@@ -15,18 +15,9 @@ from bscd.acquisition.header import read_header
 from bscd.acquisition.index import frame_index
 from bscd.acquisition.layout import COLUMNS, INSTRUMENT, PRESSURE, RUN_FILE
 from bscd.acquisition.means import FrameMean, mean_of_repeats, repeated_frames
+from bscd.acquisition.names import AxisName, CameraName, PhaseName
 from bscd.acquisition.pressure import interpolate_log_kpa
-from bscd.acquisition.records import (
-    AxisName,
-    CameraMeta,
-    CameraName,
-    FrameLoss,
-    FrameRecord,
-    PhaseName,
-    RunEvent,
-    RunHeader,
-    TimeBase,
-)
+from bscd.acquisition.records import CameraMeta, FrameLoss, FrameRecord, RunEvent, RunHeader, TimeBase
 from bscd.hdf5 import RECORDING, FileState, RecordedFile, dataset_at, group_at
 from drivers.interfaces import FrameStatus
 

@@ -5,25 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bscd.acquisition.names import AxisName, AxisUnit, CameraName, PhaseName
 from bscd.hdf5 import FileState
 from drivers.interfaces import CameraInfo, FrameStatus, Range
-
-Compression = Literal["none", "bitshuffle-lz4"]
-CameraName = Literal["primary", "auxiliary"]
-PhaseName = Literal["reference-corner", "reference-face", "bsc-corner", "bsc-face", "sphere", "inflation"]
-AxisUnit = Literal["mm", "deg"]
-AxisName = Literal["translation", "rotation", "jack"]
-
-#: The cameras, phases and axes that a run file knows, in the order in which messages name them.
-CAMERAS: tuple[CameraName, ...] = get_args(CameraName)
-PHASES: tuple[PhaseName, ...] = get_args(PhaseName)
-AXES: tuple[AxisName, ...] = get_args(AxisName)
-
 
 #: Where a run file is in its life; with one that is interrupted `RunWriter.reopen` can go on.
 RunState = FileState

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from bscd.acquisition.checksum import frame_sha256
 from bscd.acquisition.layout import RUN_FILE
+from bscd.acquisition.names import AxisName
 from bscd.acquisition.reader import RunFile
-from bscd.acquisition.records import AxisName, FrameRecord
+from bscd.acquisition.records import FrameRecord
 from bscd.acquisition.writer import RunWriter
 from bscd.errors import InputError
 from bscd.hdf5 import clear_crash

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bscd.acquisition.layout import AXIS_COLUMN, EVENT_BYTES, PRESSURE
+from bscd.acquisition.names import AxisName
 from bscd.acquisition.pressure import interpolate_log_kpa
-from bscd.acquisition.records import AxisMeta, AxisName, FrameRecord
+from bscd.acquisition.records import AxisMeta, FrameRecord
 from bscd.hdf5 import dataset_at
 from drivers.interfaces import PressureReading
 

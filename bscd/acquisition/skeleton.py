@@ -12,7 +12,8 @@ import numpy as np
 from bscd.acquisition.account_columns import create_account
 from bscd.acquisition.checksum import header_sha256
 from bscd.acquisition.layout import AXIS_UNIT, COLUMNS, EVENT_BYTES, PRESSURE, RUN_FILE
-from bscd.acquisition.records import AxisMeta, AxisName, CameraMeta, CameraName, Compression, PressureMeta, RunHeader
+from bscd.acquisition.names import AxisName, CameraName, Compression
+from bscd.acquisition.records import AxisMeta, CameraMeta, PressureMeta, RunHeader
 from bscd.hdf5 import RECORDING, FileIdentity, group_at, make_column, make_entry, make_group, make_note, make_number
 from drivers.interfaces import Range
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from bscd.acquisition.images import SUFFIXES, read_grey
 from bscd.acquisition.manifest import MANIFEST, ManifestRow
+from bscd.acquisition.names import CAMERAS, CameraName
 from bscd.acquisition.problems import Problem
-from bscd.acquisition.records import CAMERAS, CameraMeta, CameraName
+from bscd.acquisition.records import CameraMeta
 from bscd.errors import InputError
 
 _NAMES_SHOWN = 5

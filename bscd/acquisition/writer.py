@@ -18,21 +18,9 @@ from bscd.acquisition.account_columns import write_account, write_time_base
 from bscd.acquisition.checksum import frame_sha256, header_sha256, run_sha256
 from bscd.acquisition.detector import DetectorWriter
 from bscd.acquisition.layout import INSTRUMENT, RUN_FILE
+from bscd.acquisition.names import CAMERAS, PHASES, AxisName, CameraName, Compression
 from bscd.acquisition.recorded import Recorded, recorded_in
-from bscd.acquisition.records import (
-    CAMERAS,
-    PHASES,
-    AxisMeta,
-    AxisName,
-    CameraMeta,
-    CameraName,
-    Compression,
-    FrameLoss,
-    FrameRecord,
-    PressureMeta,
-    RunHeader,
-    TimeBase,
-)
+from bscd.acquisition.records import AxisMeta, CameraMeta, FrameLoss, FrameRecord, PressureMeta, RunHeader, TimeBase
 from bscd.acquisition.run_columns import EventWriter, PositionerWriter, PressureWriter
 from bscd.acquisition.skeleton import create_skeleton
 from bscd.errors import BscdError, InputError

@@ -6,33 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from scipy.spatial import Delaunay, KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.calibration.choices import CalibrationChoices, Interpolant, ShiftSolver
 from bscd.calibration.displacement import ImageCovariances, displacement_covariance
 from bscd.calibration.dlt import DltCamera
 from bscd.calibration.hull import Hull
 from bscd.calibration.lens import LensCamera
-from bscd.calibration.maps import DistortionMap, Interpolant, LinearMap, SmoothMap, fit_smooth_map
+from bscd.calibration.maps import DistortionMap, LinearMap, SmoothMap, fit_smooth_map
 from bscd.calibration.motion import TargetMotion
-from bscd.calibration.shifts import ShiftSolver, solve_shifts
-from bscd.calibration.triangulation import Triangulated, TriangulationMethod, triangulate
-
-ReferenceKind = Literal["lattice", "raw"]
-
-
-@dataclass(frozen=True)
-class CalibrationChoices:
-    """How a calibration was made; measuring uses the same."""
-
-    reference: ReferenceKind = "lattice"
-    solver: ShiftSolver = "projection"
-    interpolant: Interpolant = "smooth"
-    triangulation: TriangulationMethod = "optimal"
-    degree: int = 4
+from bscd.calibration.shifts import solve_shifts
+from bscd.calibration.triangulation import Triangulated, triangulate
 
 
 @dataclass(frozen=True)

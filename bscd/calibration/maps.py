@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,6 @@ from scipy.spatial import Delaunay, KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.errors import InputError
-
-Interpolant = Literal["smooth", "linear"]
 
 MAX_DEGREE = 4
 

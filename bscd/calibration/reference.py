@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.calibration.choices import TriangulationMethod
 from bscd.calibration.dlt import DltCamera, DltMethod, fit_dlt
 from bscd.calibration.moving_grid import fit_moving_grid
 from bscd.calibration.observations import View
 from bscd.calibration.target import GridTarget
-from bscd.calibration.triangulation import TriangulationMethod, triangulate
+from bscd.calibration.triangulation import triangulate
 from bscd.errors import InputError
 
 

@@ -6,15 +6,12 @@ smallest such shifts); "projection" takes the images of the reference points in 
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from bscd.arrays import FloatArray
+from bscd.calibration.choices import ShiftSolver, TriangulationMethod
 from bscd.calibration.dlt import project
-from bscd.calibration.triangulation import TriangulationMethod, triangulate
-
-ShiftSolver = Literal["projection", "smallest"]
+from bscd.calibration.triangulation import triangulate
 
 #: Order of the four shifts in every array.
 SHIFT_NAMES = ("u_L", "v_L", "u_R", "v_R")

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bscd.arrays import FloatArray
-from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints
+from bscd.calibration.calibration import Calibration, ControlPoints
+from bscd.calibration.choices import CalibrationChoices
 from bscd.calibration.lattice import Lattice, adjust_lattice
 from bscd.calibration.maps import fit_smooth_map
 from bscd.calibration.observations import View, with_nominal_rotation

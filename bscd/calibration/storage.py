@@ -12,7 +12,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.calibration.calibration import Calibration, CalibrationChoices, ControlPoints
+from bscd.calibration.calibration import Calibration, ControlPoints
+from bscd.calibration.choices import CalibrationChoices
 from bscd.calibration.dlt import DltCamera
 from bscd.calibration.lens import LensCamera
 from bscd.calibration.maps import LinearMap, SmoothMap

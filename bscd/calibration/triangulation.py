@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from bscd.arrays import BoolArray, FloatArray
+from bscd.calibration.choices import TriangulationMethod
 from bscd.calibration.triangulation_kernel import covariances, triangulate_points
-
-TriangulationMethod = Literal["linear", "optimal"]
 
 _GAUSS_NEWTON_STEPS = 4
 

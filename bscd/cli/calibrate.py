@@ -8,10 +8,7 @@ from typing import Annotated
 import typer
 
 from bscd.calibration import Calibration, CalibrationChoices
-from bscd.calibration.calibration import ReferenceKind
-from bscd.calibration.maps import Interpolant
-from bscd.calibration.shifts import ShiftSolver
-from bscd.calibration.triangulation import TriangulationMethod
+from bscd.calibration.choices import Interpolant, ReferenceKind, ShiftSolver, TriangulationMethod
 from bscd.cli.following import following
 from bscd.errors import InputError
 from bscd.offline import calibrate_files

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bscd.calibration import CalibrationChoices, GridTarget, PointsTarget
+from bscd.calibration.choices import CalibrationChoices
+from bscd.calibration.target import GridTarget, PointsTarget
 from bscd.errors import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from bscd.composition import build_devices, build_world
-from bscd.composition.emulated import emulated_devices, real_configuration
 from bscd.config import RigConfig, parse_config
 from bscd.daemon.guards import GuardedAxis, GuardedPressure, Latch, WatchedCamera
 from bscd.daemon.latest import LatestFrames
@@ -13,8 +13,10 @@ from bscd.daemon.recipes import Specimen
 from bscd.errors import InputError
 from bscd.procedures import Rig
 from drivers.clock import Clock
-from drivers.emulators.rig import EmulatedRig
 from drivers.operator import Operator
+
+if TYPE_CHECKING:
+    from drivers.emulators.rig import EmulatedRig
 
 _SPECIMENS: Mapping[Specimen, str] = {
     "cube": "the calibration cube",
@@ -92,6 +94,9 @@ class Bench:
     def _emulate(self, clock: Clock) -> None:
         if self.world is None:
             raise InputError("an emulated rig needs a [twin] section in its configuration; take config/twin.toml")
+        from bscd.composition.emulated import emulated_devices, real_configuration  # the emulators are no rig's need
+        from drivers.emulators.rig import EmulatedRig
+
         self._emulated = EmulatedRig(emulated_devices(self.config, clock, self.world, "ximc"), first_port=None)
         missing = self._emulated.start()
         if missing:

@@ -10,12 +10,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from bscd.acquisition import RunFile
-from bscd.calibration import Calibration
+from bscd import acquisition, calibration, results
 from bscd.daemon.documents import FileDocument
 from bscd.daemon.errors import UnknownNameError
 from bscd.errors import BscdError, InputError
-from bscd.results import ResultsFile
 
 FileKind = Literal["run", "calibration", "result", "report"]
 KINDS: tuple[FileKind, ...] = ("run", "calibration", "result", "report")
@@ -131,7 +129,7 @@ def _about(kind: FileKind, path: Path) -> tuple[dict[str, Any], str]:
 
 
 def _of_run(path: Path) -> dict[str, Any]:
-    with RunFile(path) as run:
+    with acquisition.RunFile(path) as run:
         return {
             "title": run.title,
             "uuid": run.uuid,
@@ -145,21 +143,21 @@ def _of_run(path: Path) -> dict[str, Any]:
 
 
 def _of_calibration(path: Path) -> dict[str, Any]:
-    made = Calibration.load(path)
+    made = calibration.Calibration.load(path)
     figures = {name: value for name, value in made.figures.items() if value == value}  # NaN is not JSON
     return {"checksum": made.checksum, "origins": _short(made.origins), "figures": figures}
 
 
 def _of_result(path: Path) -> dict[str, Any]:
-    with ResultsFile(path) as results:
-        header = results.header
+    with results.ResultsFile(path) as opened:
+        header = opened.header
         return {
             "title": header.title,
-            "uuid": results.uuid,
+            "uuid": opened.uuid,
             "run": header.run.file_name,
             "calibration": header.calibration.file_name,
-            "frames": len(results),
-            "points": len(results.points_px),
+            "frames": len(opened),
+            "points": len(opened.points_px),
             "parameters": json.loads(header.parameters_json()),
         }
 

@@ -24,11 +24,11 @@ from bscd.daemon.recipes import (
     ReferenceScan,
     SphereCheck,
 )
-from bscd.daemon.running.bench_work import scan_defaults
+from bscd.daemon.running.work import scan_defaults
 from bscd.errors import BscdError
 from bscd.procedures import dry_run
-from bscd.procedures.dry_run import axis_problems, axis_targets, bytes_per_frame
 from bscd.procedures.recording.requirements import inflation_problems, sphere_problems
+from bscd.procedures.rehearsal import axis_problems, axis_targets, bytes_per_frame
 from drivers.errors import DeviceError
 
 

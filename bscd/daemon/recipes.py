@@ -6,9 +6,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bscd.acquisition import Compression
+from bscd.acquisition.names import Compression
 from bscd.procedures.recipes import Finite, ScanRecipe
-from bscd.procedures.recording import InflationRecipe, SphereRecipe
+from bscd.procedures.recording.recipes import InflationRecipe, SphereRecipe
 
 #: Names of files in the data folder, without their ending; nothing in one can lead out of it.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,119}$")]

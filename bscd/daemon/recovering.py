@@ -7,13 +7,12 @@ from pathlib import Path
 
 import structlog
 
-from bscd.acquisition import recover_in_place
+from bscd import acquisition, procedures
 from bscd.daemon.documents import JobDocument
 from bscd.daemon.files import DataFolder
 from bscd.daemon.journal import Journal
 from bscd.daemon.recipes import BscScan, ReferenceScan
 from bscd.errors import BscdError
-from bscd.procedures import recorded_steps
 
 _LOG = structlog.get_logger(__name__)
 
@@ -34,7 +33,7 @@ def recover_runs(files: DataFolder, interrupted: Iterable[JobDocument], journal:
 
 def _recovered(path: Path) -> str:
     try:
-        done = recover_in_place(path)
+        done = acquisition.recover_in_place(path)
     except (BscdError, OSError) as error:
         _LOG.warning("a run could not be recovered", run=path.name, error=str(error))
         return f"{path.stem}: not recovered: {error}"
@@ -45,6 +44,6 @@ def _recovered(path: Path) -> str:
 
 def _next_step(path: Path, known: int | None) -> int | None:
     try:
-        return recorded_steps(path)[0]
+        return procedures.recorded_steps(path)[0]
     except BscdError:
         return known

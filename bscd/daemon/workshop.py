@@ -26,7 +26,7 @@ from bscd.daemon.running.work import Reporting, Work
 from bscd.daemon.states import RigStates
 from bscd.errors import BscdError
 from bscd.procedures import ProcedureStoppedError, Progress
-from bscd.procedures.live import LiveEvent
+from bscd.procedures.live.messages import LiveEvent
 from drivers.errors import DeviceError
 
 _LOG = structlog.get_logger(__name__)

@@ -3,24 +3,6 @@
 Pure numerics on arrays; `correlate` is the front door.
 """
 
-from bscd.dic.correlate import correlate
-from bscd.dic.correlation import Correlation, GuessSource, Status
-from bscd.dic.grid import grid_points
-from bscd.dic.images import PreparedImage, prepare
-from bscd.dic.noise import ImageNoise, estimate_noise, noise_from_pair
-from bscd.dic.speckle import SpeckleQuality, speckle_quality
+import lazy_loader
 
-__all__ = [
-    "Correlation",
-    "GuessSource",
-    "ImageNoise",
-    "PreparedImage",
-    "SpeckleQuality",
-    "Status",
-    "correlate",
-    "estimate_noise",
-    "grid_points",
-    "noise_from_pair",
-    "prepare",
-    "speckle_quality",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
-from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation
+from bscd.dic.correlator import correlate
 from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from bscd.arrays import BoolArray, FloatArray
-from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation
+from bscd.dic.correlator import correlate
 from bscd.dic.curvature import SECOND, Curvature, follow_curvature, with_scatter
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray
-from bscd.dic.correlate import correlate
 from bscd.dic.correlation import Correlation, Status
+from bscd.dic.correlator import correlate
 from bscd.dic.curvature import SECOND, Curvature, follow_curvature
 from bscd.dic.images import PreparedImage
 from bscd.dic.recovery import Jump, recovered, trial_points

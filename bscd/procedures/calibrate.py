@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from bscd.acquisition import RunFile
 from bscd.calibration import Calibration, CalibrationChoices, GridTarget, calibrate
 from bscd.errors import InputError
-from bscd.procedures.observe import Observations, observe
+from bscd.procedures.observing import Observations, observe
 from bscd.procedures.progress import Progress, ProgressCallback
 from bscd.version import __version__
 

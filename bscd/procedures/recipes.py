@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bscd.acquisition import PhaseName
+from bscd.acquisition.names import PhaseName
 from bscd.calibration.observations import PoseName
 
 ScanKind = Literal["reference", "bsc"]

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunWriter
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError
-from bscd.procedures.dry_run import dry_run, prism_height_mm
 from bscd.procedures.progress import Progress, ProgressCallback, require_going
 from bscd.procedures.recipes import ScanRecipe, ScanStep
+from bscd.procedures.rehearsal import dry_run, prism_height_mm
 from bscd.procedures.rig import CameraRole, Rig
 from bscd.procedures.step_check import StepCheck
 from bscd.procedures.taking import axes_of, send, whole_frame

@@ -16,7 +16,7 @@ from bscd.errors import InputError
 from bscd.procedures.align import DEFAULT_FRAMES, picture
 from bscd.procedures.calibrate import JACK_TOLERANCE_MM
 from bscd.procedures.checks import find_two_grids, split_line
-from bscd.procedures.observe import observe
+from bscd.procedures.observing import observe
 from bscd.procedures.progress import ProgressCallback
 from bscd.procedures.recipes import ScanRecipe
 from bscd.procedures.rig import Rig

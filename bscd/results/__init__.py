@@ -1,28 +1,5 @@
 """Results: measured shapes and displacements of a run, kept and read back; `bscd.results.export` hands them on."""
 
-from bscd.results.counts import PointCounts, count_points
-from bscd.results.reader import ResultsFile
-from bscd.results.records import (
-    VALID,
-    FrameResult,
-    MembraneFrame,
-    Origin,
-    ParameterValue,
-    ResultsHeader,
-    StereoSource,
-)
-from bscd.results.writer import ResultsWriter
+import lazy_loader
 
-__all__ = [
-    "VALID",
-    "FrameResult",
-    "MembraneFrame",
-    "Origin",
-    "ParameterValue",
-    "PointCounts",
-    "ResultsFile",
-    "ResultsHeader",
-    "ResultsWriter",
-    "StereoSource",
-    "count_points",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -23,7 +23,7 @@ import httpx
 from bscd.calibration import Calibration
 from bscd.client import Client
 from tests.api.serving import configuration, idle, serving
-from tests.benchmarks.bench_live import membrane
+from tests.benchmarks.live import membrane
 from tests.daemon.small import until
 from tests.procedures.measuring.twin_runs import wide_calibration
 
@@ -48,7 +48,7 @@ def main() -> None:
         options = f'source = "{source.absolute()}"\npace = "rate"\nframe_rate_hz = 11.0\nrepeat = true'
         replay = f'driver = "camera.replay"\n{options}'
         changes = {'driver = "camera.simulated"\ncamera = "primary"': replay}
-        config = configuration(folder, changes=changes, requests_per_s=10_000.0, poll_s=0.5)
+        config = configuration(folder, changes=changes, poll_s=0.5)
         calibrations = folder / "data/calibrations"
         calibrations.mkdir(parents=True)
         calibration: Calibration = wide_calibration()

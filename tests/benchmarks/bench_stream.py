@@ -17,6 +17,7 @@ import numpy as np
 from bscd.acquisition import Compression, RunFile, RunWriter
 from bscd.acquisition.stream import FrameAccount, FrameRing, LiveView, Recorder
 from tests.acquisition.stream.sources import camera, image, record
+from tests.benchmarks import live
 
 SHAPE = (1024, 1280)
 SLOTS = 64
@@ -48,7 +49,7 @@ def stream(path: Path, rate_hz: float, lasting_s: float, compression: Compressio
     )
     account, number = FrameAccount(), 0
     with writer, FrameRing(SHAPE, np.uint8, SLOTS) as ring:
-        recorder, live = Recorder(writer, ring, account), LiveView(ring)
+        recorder, view = Recorder(writer, ring, account), LiveView(ring)
         recorder.start()
         template = record(0, SHAPE)
         begun_s, busy_s = time.perf_counter(), time.process_time()
@@ -59,7 +60,7 @@ def stream(path: Path, rate_hz: float, lasting_s: float, compression: Compressio
             if not ring.publish(number, frame):
                 account.lose(number, "the ring was full")
             if number % 10 == 0:
-                live.latest()
+                view.latest()
             number += 1
         recorder.finish(60.0)
         assert recorder.failure is None
@@ -78,7 +79,7 @@ def stream(path: Path, rate_hz: float, lasting_s: float, compression: Compressio
 
 
 def main() -> None:
-    """Print a line for each rate, compression and policy."""
+    """Print a line for each rate, compression and policy, then those of the correlation beside it."""
     place = Path(sys.argv[1] if len(sys.argv) > 1 else ".").resolve()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; ring of {SLOTS}, {LASTING_S:g} s each")
     cases: list[tuple[float, Compression, bool]] = [
@@ -104,6 +105,7 @@ def main() -> None:
                 f"{done.size_bytes / max(done.frames, 1) / np.prod(SHAPE):.2f} of the raw size",
                 flush=True,
             )
+    live.main()
 
 
 if __name__ == "__main__":

@@ -121,7 +121,7 @@ def test_a_stopped_scan_goes_on_at_its_position_and_what_it_had_stays(homed):
     homed.stop_job(job.id, "test")
     over = ended(homed, job)
     assert over.status is JobStatus.STOPPED
-    assert homed.states.state is RigState.IDLE
+    until(lambda: homed.states.state is RigState.IDLE, "a rig at rest")
     assert 1 <= over.next_step < STEPS
     path = homed.files.path("run", over.outputs["run"])
     with RunFile(path) as run:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bscd.acquisition.records import CameraName, PhaseName
+from bscd.acquisition.names import CameraName, PhaseName
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

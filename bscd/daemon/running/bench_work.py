@@ -12,7 +12,7 @@ from bscd.daemon.documents import LiveDocument
 from bscd.daemon.recipes import Align, BscScan, Home, Inflation, Move, ReferenceScan, SphereCheck
 from bscd.daemon.running.desk import do_at_the_desk
 from bscd.daemon.running.tasks import MeasureTask
-from bscd.daemon.running.work import Work
+from bscd.daemon.running.work import Work, scan_defaults
 from bscd.errors import CheckFailedError
 from bscd.procedures import (
     Progress,
@@ -186,22 +186,6 @@ def begun_run(work: Work) -> Path | None:
 def _complete(path: Path) -> bool:
     with RunFile(path) as run:
         return run.state is RunState.COMPLETE
-
-
-def scan_defaults(config: Any) -> dict[str, Any]:
-    """What a scan takes from [scan] where its recipe is silent."""
-    names = (
-        "positions",
-        "step_mm",
-        "frames_per_position",
-        "poses",
-        "corner_rotation_deg",
-        "face_rotation_deg",
-        "settle_s",
-        "exposure_s",
-        "gain_db",
-    )
-    return {name: getattr(config.scan, name) for name in names}
 
 
 def _tell_recording(done: Recording, work: Work) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.procedures.live import LiveCatchingUp, LiveDone, LiveEvent, LiveFrame
+from bscd.procedures.live.messages import LiveCatchingUp, LiveDone, LiveEvent, LiveFrame
 
 #: Points in an event.
 _MOST = 200

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from bscd.daemon.recipes import (
@@ -17,28 +18,32 @@ from bscd.daemon.recipes import (
     ReferenceScan,
     SphereCheck,
 )
-from bscd.daemon.running.bench_work import run_align, run_home, run_inflation, run_move, run_scan, run_sphere
-from bscd.daemon.running.desk_work import run_calibrate, run_measure
 from bscd.daemon.running.work import Work
-
-_RUNNERS: dict[type[Recipe], Callable[[Any, Work], None]] = {
-    Home: run_home,
-    Move: run_move,
-    Align: run_align,
-    ReferenceScan: run_scan,
-    BscScan: run_scan,
-    SphereCheck: run_sphere,
-    Inflation: run_inflation,
-    Calibrate: run_calibrate,
-    Measure: run_measure,
-}
 
 
 def run_single(recipe: Recipe, work: Work) -> None:
     """Run a recipe that is no campaign."""
     for text in _asked(recipe, work):
         work.prompts.confirm(text, work.control)
-    _RUNNERS[type(recipe)](recipe, work)
+    _runners()[type(recipe)](recipe, work)
+
+
+@cache
+def _runners() -> dict[type[Recipe], Callable[[Any, Work], None]]:
+    """What does each recipe; with the measuring chain, which takes a second to load and is not needed to be ready."""
+    from bscd.daemon.running import bench_work, desk_work
+
+    return {
+        Home: bench_work.run_home,
+        Move: bench_work.run_move,
+        Align: bench_work.run_align,
+        ReferenceScan: bench_work.run_scan,
+        BscScan: bench_work.run_scan,
+        SphereCheck: bench_work.run_sphere,
+        Inflation: bench_work.run_inflation,
+        Calibrate: desk_work.run_calibrate,
+        Measure: desk_work.run_measure,
+    }
 
 
 def step_name(job: str, step: str) -> str:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bscd.calibration import CalibrationChoices
-from bscd.procedures.measuring import MeasureSettings
+from bscd.calibration.choices import CalibrationChoices
+from bscd.procedures.measuring.settings import MeasureSettings
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from bscd.daemon.files import DataFolder, FileKind
 from bscd.daemon.prompts import Prompts
 from bscd.daemon.running.control import JobControl
 from bscd.procedures import Progress
-from bscd.procedures.live import LiveEvent
+from bscd.procedures.live.messages import LiveEvent
 
 #: By the name of a campaign's step: what it made, by kind.
 Made = Mapping[str, Mapping[str, str]]
@@ -64,3 +64,19 @@ class Work:
     def progress(self, unit: str) -> Callable[[Progress], None]:
         """A procedure's callback."""
         return lambda now: self.reporting.progress(now, unit)
+
+
+def scan_defaults(config: Any) -> dict[str, Any]:
+    """What a scan takes from [scan] where its recipe is silent."""
+    names = (
+        "positions",
+        "step_mm",
+        "frames_per_position",
+        "poses",
+        "corner_rotation_deg",
+        "face_rotation_deg",
+        "settle_s",
+        "exposure_s",
+        "gain_db",
+    )
+    return {name: getattr(config.scan, name) for name in names}

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bscd.acquisition import PhaseName
+from bscd.acquisition.names import PhaseName
 from bscd.arrays import FloatArray
-from bscd.calibration import Calibration
 from bscd.dic.pool import SharedImage
-from bscd.procedures.measuring import MeasureSettings
+from bscd.procedures.measuring.settings import MeasureSettings
 from bscd.results import Origin
+
+if TYPE_CHECKING:
+    from bscd.calibration import Calibration
 
 
 @dataclass(frozen=True, eq=False)

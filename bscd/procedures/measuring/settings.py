@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bscd.acquisition import PhaseName
+from bscd.acquisition.names import PhaseName
 from bscd.arrays import BoolArray
 from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError

@@ -1,19 +1,5 @@
 """Recording what is measured: a sphere at rest, and an inflation; both end safely however they end."""
 
-from bscd.procedures.recording.ending import NotVentedError
-from bscd.procedures.recording.inflation import record_inflation
-from bscd.procedures.recording.recipes import InflationRecipe, SphereRecipe
-from bscd.procedures.recording.result import Ending, Recording
-from bscd.procedures.recording.sphere import record_sphere
-from bscd.procedures.recording.storing import Storing
+import lazy_loader
 
-__all__ = [
-    "Ending",
-    "InflationRecipe",
-    "NotVentedError",
-    "Recording",
-    "SphereRecipe",
-    "Storing",
-    "record_inflation",
-    "record_sphere",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,7 +10,6 @@ from typing import Any
 from bscd.acquisition import CameraMeta, FrameRecord, PressureMeta, RunWriter
 from bscd.acquisition.stream import Follower, StreamSession
 from bscd.errors import InputError
-from bscd.procedures.dry_run import READOUT_RATE_PX_S
 from bscd.procedures.progress import Progress, ProgressCallback, require_going
 from bscd.procedures.recording.clocks import ClockFit
 from bscd.procedures.recording.ending import safe_ending
@@ -20,6 +19,7 @@ from bscd.procedures.recording.recipes import InflationRecipe
 from bscd.procedures.recording.requirements import require_inflation
 from bscd.procedures.recording.result import Ending, Recording
 from bscd.procedures.recording.storing import Storing
+from bscd.procedures.rehearsal import READOUT_RATE_PX_S
 from bscd.procedures.rig import Rig
 from bscd.procedures.taking import axes_of, send
 from drivers.clock import VirtualClock

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bscd.errors import InputError
-from bscd.procedures.dry_run import axis_problems, bytes_per_frame, camera_problems
 from bscd.procedures.recording.recipes import InflationRecipe, SphereRecipe
+from bscd.procedures.rehearsal import axis_problems, bytes_per_frame, camera_problems
 from bscd.procedures.rig import CameraRole, Rig
 
 
