@@ -1,5 +1,6 @@
 """The rules of the house that no linter knows."""
 
+import importlib
 import os
 import re
 from pathlib import Path
@@ -46,3 +47,13 @@ def test_nothing_in_a_page_comes_from_another_host():
     elsewhere = re.compile(r"""(src|href)\s*=\s*["']?(https?:)?//|url\(\s*["']?(https?:)?//""")
     for page in [*(ROOT / "bscd").rglob("*.html"), *(ROOT / "bscd").rglob("*.css")]:
         assert not elsewhere.search(page.read_text()), page
+
+
+@pytest.mark.parametrize("stub", sorted((ROOT / "bscd").rglob("__init__.pyi")), ids=lambda p: p.parent.name)
+def test_what_a_package_offers_is_not_named_like_a_module_of_it(stub):
+    """Importing the module would put it in the place of what is loaded when asked for."""
+    package = importlib.import_module(str(stub.parent.relative_to(ROOT)).replace("/", "."))
+    assert package.__all__
+    assert not set(package.__all__) & {path.stem for path in stub.parent.iterdir()}
+    for name in package.__all__:
+        assert getattr(package, name).__class__.__name__ != "module"

@@ -8,9 +8,9 @@ from bscd.calibration.dots import find_split
 from bscd.calibration.observations import PoseName
 from bscd.calibration.target import GridTarget
 from bscd.errors import CheckFailedError, InputError
-from bscd.procedures.align_biprism import biprism_items
 from bscd.procedures.align_items import AlignmentReport
 from bscd.procedures.align_pair import pair_items
+from bscd.procedures.align_prism import biprism_items
 from bscd.procedures.checks import TargetImage
 from bscd.procedures.rig import Rig
 from drivers.interfaces import Camera

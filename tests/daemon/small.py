@@ -16,7 +16,7 @@ from bscd.daemon.daemon import Daemon
 from bscd.daemon.documents import JobDocument, JobStatus
 from bscd.daemon.recipes import AnyRecipe
 from drivers.clock import HostClock, VirtualClock
-from tests.drivers.test_rig_through_drivers import fast_twin
+from tests.drivers.fast_twin import fast_twin
 
 #: Generous: computers of two busy cores.
 WAIT_S = float(os.environ.get("BSCD_TEST_WAIT_S", "120"))

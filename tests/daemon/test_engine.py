@@ -216,7 +216,7 @@ def test_nobody_who_confirms_ends_the_job(tmp_path):
         job = ended(daemon, daemon.submit(recipe("home", prompt="hands off?"), "test"))
         assert job.status is JobStatus.FAILED
         assert "nobody confirmed in 0.2 s: hands off?" in job.reason
-        assert daemon.states.state is RigState.IDLE
+        until(lambda: daemon.states.state is RigState.IDLE, "a rig at rest")
 
 
 def test_an_abort_stops_what_moves_and_vents(tmp_path):
@@ -232,7 +232,7 @@ def test_an_abort_stops_what_moves_and_vents(tmp_path):
         assert not daemon.bench.rig.jacks.status().moving
         assert daemon.bench.rig.jacks.status().position < 80.0
         assert daemon.bench.rig.pressure.set_point_kpa() == 0.0
-        assert daemon.states.state is RigState.IDLE
+        until(lambda: daemon.states.state is RigState.IDLE, "a rig at rest")
 
 
 def test_a_device_that_is_lost_is_a_fault_and_connecting_mends_it(tmp_path):

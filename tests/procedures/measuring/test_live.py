@@ -30,6 +30,10 @@ def offline(wide, inflation_run, tmp_path_factory):
         return list(results.frames())
 
 
+def shared_memory():
+    return {name for name in os.listdir("/dev/shm") if name.startswith("psm_")}
+
+
 def children(process_id):
     return [int(one) for one in Path(f"/proc/{process_id}/task/{process_id}/children").read_text().split()]
 
@@ -97,7 +101,7 @@ def test_every_frame_is_told_with_its_latency_and_kept_as_measured_afterwards(wi
         assert results.header.calibration.checksum == wide.checksum
 
 
-@pytest.mark.parametrize("skip", [(5,), (0,), (4, 7, 9), tuple(range(12))], ids=str)
+@pytest.mark.parametrize("skip", [(0,), (4, 7, 9), tuple(range(12))], ids=str)
 def test_frames_that_were_missed_are_measured_from_the_run(wide, inflation_run, offline, tmp_path, skip):
     events = []
     with measuring(wide, inflation_run, tmp_path / "live.h5", events=events) as live:
@@ -149,7 +153,8 @@ def test_a_live_process_that_is_killed_is_told_and_pushing_goes_on(wide, inflati
         assert (live.pushed, live.missed) == (6, 6)
         with pytest.raises(BscdError, match="the live process ended; the run is whole, measure it with bscd measure"):
             live.finish(inflation_run, WAIT_S)
-    assert not {name for name in os.listdir("/dev/shm") if name.startswith("psm_")}
+    left = shared_memory()  # also that of other tests, which goes with them
+    until(lambda: not left & shared_memory(), "its shared memory is given back")
 
 
 def test_what_goes_wrong_in_it_is_told_in_a_sentence(wide, inflation_run, tmp_path):
