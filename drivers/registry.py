@@ -6,9 +6,9 @@ An entry point's name is the driver's name (``kind.maker``, for example ``camera
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from pydantic import BaseModel
@@ -60,58 +60,71 @@ class UnknownDriverError(KeyError):
 
 
 class Registry(Mapping[str, DriverEntry]):
-    """The drivers known by name, built-in and installed.
+    """The drivers known by name, built-in and installed; what is installed is imported when it is asked for.
 
     Parameters
     ----------
     entries : mapping of str to DriverEntry
-        The drivers that can be had.
-    broken : mapping of str to str
-        Drivers that are installed and can not be loaded, with the reason.
+        Drivers that can be had.
+    points : iterable of EntryPoint
+        Drivers that packages offer. One that can not be loaded (a missing library, another package's of the same name)
+        does not keep the others from working; asking for it tells the reason.
     """
 
-    def __init__(self, entries: Mapping[str, DriverEntry], broken: Mapping[str, str] | None = None) -> None:
+    def __init__(self, entries: Mapping[str, DriverEntry], points: Iterable[EntryPoint] = ()) -> None:
         self._entries = dict(entries)
-        self.broken = dict(broken or {})
+        self._broken: dict[str, str] = {}
+        self._points: dict[str, list[EntryPoint]] = {}
+        for point in points:
+            self._points.setdefault(point.name, []).append(point)
+
+    @property
+    def broken(self) -> dict[str, str]:
+        """Drivers that are installed and can not be loaded, with the reason."""
+        self._load_all()
+        return dict(self._broken)
 
     def __getitem__(self, name: str) -> DriverEntry:
         """The driver of that name; raises `UnknownDriverError`."""
+        self._load(name)
         if name in self._entries:
             return self._entries[name]
-        if name in self.broken:
-            raise UnknownDriverError(f"driver {name!r} can not be loaded: {self.broken[name]}")
-        raise UnknownDriverError(f"no driver {name!r}; known: {', '.join(sorted(self._entries)) or 'none'}")
+        if name in self._broken:
+            raise UnknownDriverError(f"driver {name!r} can not be loaded: {self._broken[name]}")
+        raise UnknownDriverError(f"no driver {name!r}; known: {', '.join(sorted(self)) or 'none'}")
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names."""
+        """Iterate over the names of those that can be had."""
+        self._load_all()
         return iter(self._entries)
 
     def __len__(self) -> int:
-        """How many drivers there are."""
+        """How many drivers can be had."""
+        self._load_all()
         return len(self._entries)
+
+    def _load_all(self) -> None:
+        for name in list(self._points):
+            self._load(name)
+
+    def _load(self, name: str) -> None:
+        for point in self._points.pop(name, ()):
+            try:
+                entry = point.load()
+            except Exception as error:  # whatever a third party's module raises when it is imported
+                self._broken[name] = f"{point.value}: {error}"
+                continue
+            if not isinstance(entry, DriverEntry) or entry.kind not in KINDS:
+                self._broken[name] = f"{point.value} is no DriverEntry of kind {', '.join(KINDS)}"
+            elif self._entries.get(name) is entry:  # one package found twice
+                continue
+            elif name in self._entries or name in self._broken:
+                self._broken[name] = "two packages offer a driver of that name; remove one"
+                self._entries.pop(name, None)
+            else:
+                self._entries[name] = entry
 
 
 def installed_drivers() -> Registry:
-    """Every driver that an installed package offers, bscd's own among them.
-
-    One that can not be loaded (a missing library, another package's of the same name) does not keep the others
-    from working; asking for it tells the reason.
-    """
-    entries: dict[str, DriverEntry] = {}
-    broken: dict[str, str] = {}
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        try:
-            entry = point.load()
-        except Exception as error:  # whatever a third party's module raises when it is imported
-            broken[point.name] = f"{point.value}: {error}"
-            continue
-        if not isinstance(entry, DriverEntry) or entry.kind not in KINDS:
-            broken[point.name] = f"{point.value} is no DriverEntry of kind {', '.join(KINDS)}"
-        elif entries.get(point.name) is entry:  # one package found twice
-            continue
-        elif point.name in entries or point.name in broken:
-            broken[point.name] = "two packages offer a driver of that name; remove one"
-            entries.pop(point.name, None)
-        else:
-            entries[point.name] = entry
-    return Registry(entries, broken)
+    """Every driver that an installed package offers, bscd's own among them."""
+    return Registry({}, entry_points(group=ENTRY_POINT_GROUP))

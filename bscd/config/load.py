@@ -124,18 +124,19 @@ def _device(key: str, value: Any, registry: Registry, problems: list[str]) -> An
     kind = DEVICE_KINDS.get(key)
     if kind is None or not isinstance(value, dict):
         return value  # the model says what is wrong
-    allowed = [other for other, entry in registry.items() if entry.kind == kind]
-    if "driver" not in value:
-        problems.append(f"[devices.{key}] driver: is missing; known: {', '.join(sorted(allowed))}")
-        return DeviceConfig(driver="")
-    name = value["driver"]
-    if name not in allowed:
+    name = value.get("driver")
+    entry = registry.get(name) if isinstance(name, str) else None
+    if entry is None or entry.kind != kind:
+        allowed = [other for other, one in registry.items() if one.kind == kind]
+        if "driver" not in value:
+            problems.append(f"[devices.{key}] driver: is missing; known: {', '.join(sorted(allowed))}")
+            return DeviceConfig(driver="")
         guess = closest(str(name), allowed)
         hint = f"did you mean {guess}?" if guess else f"known: {', '.join(sorted(allowed))}"
         problems.append(f"[devices.{key}] driver = {name!r}: no such {kind} driver; {hint}")
         return DeviceConfig(driver=str(name))
     options = {option: given for option, given in value.items() if option != "driver"}
-    return DeviceConfig(driver=name, options=_validated(registry[name], options, f"devices.{key}", problems))
+    return DeviceConfig(driver=str(name), options=_validated(entry, options, f"devices.{key}", problems))
 
 
 def _validated(entry: DriverEntry, raw: Any, section: str, problems: list[str]) -> BaseModel | None:
