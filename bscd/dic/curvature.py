@@ -21,7 +21,7 @@ from scipy.spatial import KDTree
 from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.dic.correlation import Correlation
 from bscd.dic.correlator import correlate
-from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
+from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals, second_orders
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage
 from bscd.dic.solver import KnownSubsets
@@ -93,8 +93,7 @@ class Curvature:
         result = np.zeros((len(known), 6))
         if not self._good.any():
             return result
-        values = np.where(known[:, None], displacement_px, 0.0)[self._index]
-        result[:] = (self._weights[:, 3:] @ values).transpose(0, 2, 1).reshape(-1, 6)
+        second_orders(np.asarray(displacement_px, np.float64), known, self._index, self._count, self._weights, result)
         bad = np.flatnonzero(~self._good)
         if len(bad):
             good = np.flatnonzero(self._good)

@@ -25,6 +25,23 @@ def residuals(values, known, good, index, weights, out):
 
 
 @njit(cache=True, nogil=True)
+def second_orders(values, known, index, count, weights, out):
+    """Second derivatives ``(N, 6)`` of values ``(N, 2)``: rows 3 to 5 of the weights ``(N, 6, K)``, of each component.
+
+    The neighbours, ``index`` ``(N, K)``, are the first ``count`` ``(N,)`` of theirs.
+    """
+    for n in range(len(values)):
+        for term in range(3):
+            first, second = 0.0, 0.0
+            for k in range(count[n]):
+                other = index[n, k]
+                if known[other]:
+                    first += weights[n, 3 + term, k] * values[other, 0]
+                    second += weights[n, 3 + term, k] * values[other, 1]
+            out[n, term], out[n, 3 + term] = first, second
+
+
+@njit(cache=True, nogil=True)
 def leftover(offset, count, weights, rows, subset, out):
     """Variance ``(N,)`` of points about their fits for errors of unit variance that overlapping subsets share.
 

@@ -25,9 +25,9 @@ _LARGEST_GREY = 1e12
 class PreparedImage:
     """An image with its spline coefficients; prepare an image once that takes part in several correlations.
 
-    ``grey`` ``(H, W)`` is the image (uint8, uint16 or float32), ``coefficients`` ``(H + 2 pad, W + 2 pad)`` float32,
-    ``mask`` ``(H, W)`` uint8 or None: 0 where pixels are not to be used. ``subset_px`` is the largest subset that it
-    serves.
+    ``grey`` ``(H, W)`` is the image (uint8, uint16 or float32), ``coefficients`` ``(H + 2 pad, W + 2 pad)`` float32, 0
+    in columns far from any that is used, ``mask`` ``(H, W)`` uint8 or None: 0 where pixels are not to be used.
+    ``subset_px`` is the largest subset that it serves.
     """
 
     grey: Image
@@ -67,7 +67,9 @@ def prepare(
     if subset_px > min(grey.shape):
         raise InputError(f"subset_px: {subset_px} is larger than the {name}, {grey.shape[1]} x {grey.shape[0]} px")
     pad = subset_px // 2 + _MARGIN_PX
-    coefficients = spline_coefficients(grey, interpolation, pad)
+    coefficients = spline_coefficients(
+        grey, interpolation, pad, None if used is None else np.atleast_1d(used.any(axis=0))
+    )
     return PreparedImage(
         grey, coefficients, None if used is None else used.view(np.uint8), interpolation, pad, subset_px
     )

@@ -76,6 +76,7 @@ class Matching:
         self.guess = np.full(count, GuessSource.NONE, np.int8)
         self._surprising = np.zeros(count, bool)
         self._last_tree: tuple[IntArray, KDTree] | None = None
+        self._looked = False
         self._hopeless = ~self._on_reference()
         self.solved.status[self._hopeless] = Status.OUTSIDE
 
@@ -131,6 +132,7 @@ class Matching:
         was, is_ = self.solved.valid[index], tried.valid
         better = np.where(was, is_ & (now > before + 1e-6), True)
         kept = index[better]
+        self._looked &= not len(kept)
         self.solved.shape[kept], self.solved.found[kept] = tried.shape[better], tried.found[better]
         self.solved.status[kept], self.solved.iterations[kept] = tried.status[better], tried.iterations[better]
         self.guess[kept] = source
@@ -179,7 +181,12 @@ class Matching:
         self._refuse_chance()
 
     def _refuse_chance(self) -> None:
-        """Refuse matches that differ by far more than noise and that no field of neighbours confirms."""
+        """Refuse matches that differ by far more than noise and that no field of neighbours confirms.
+
+        Once all are confirmed they stay so until one is changed.
+        """
+        if self._looked:
+            return
         unlike, doubtful, zncc = self._unlike(), self._doubtful(), self.solved.column("zncc")
         if not (unlike & self.solved.valid).any():
             return
@@ -191,6 +198,7 @@ class Matching:
             sure = valid & ~doubtful[tried]
             alone = index[~confirmed(index, points, shape, valid, sure, zncc[tried], self._options.subset_px)]
             if not len(alone):
+                self._looked = True
                 return
             self.solved.status[tried[alone]] = Status.LOW_ZNCC
             self.guess[self._led_outside()] = GuessSource.NONE  # perhaps by these
@@ -223,6 +231,7 @@ class Matching:
         self._keep(index, self._solve(index, expected), GuessSource.PROPAGATED)
         off = np.hypot(*(self.solved.shape[index][:, [0, half]] - expected[:, [0, half]]).T)
         doubtful = (off > 2.0) & (self.solved.column("zncc")[index] < similar - 0.2)
+        self._looked &= not doubtful.any()
         self.solved.status[index[doubtful]] = Status.LOW_ZNCC
 
     def _expected(self, index: IntArray, known: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from typing import Literal, cast
 import cv2
 import numpy as np
 
-from bscd.arrays import FloatArray
+from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.noise import Image
 
 SplineName = Literal["quintic", "cubic"]
@@ -86,14 +86,24 @@ def _basis(order: int, derivative: int, x: float) -> float:
     return ((half + x) * _basis(order - 1, 0, x + 0.5) + (half - x) * _basis(order - 1, 0, x - 0.5)) / order
 
 
-def spline_coefficients(image: Image, spline: SplineName, pad_px: int) -> FloatArray:
+def spline_coefficients(image: Image, spline: SplineName, pad_px: int, columns: BoolArray | None = None) -> FloatArray:
     """Coefficients ``(H + 2 pad, W + 2 pad)`` float32 of the spline through an image ``(H, W)``.
+
+    Those of some ``columns`` ``(W,)`` and what lies between them: far from these they are 0.
 
     Beyond its border the image goes on as its point reflection in the border pixels, ``f(-x) = 2 f(0) - f(x)``: a mere
     mirror image has no slope at the border, which costs points near it a few hundredths of a pixel.
     """
     kernel = prefilter(spline)
     reach = len(kernel) // 2
+    if columns is not None:
+        used, width = np.flatnonzero(columns), image.shape[1]
+        # where the part is cut off it is filtered as if it ended there; that reaches as far as the filter does
+        first, last = max(int(used[0]) - 2 * reach, 0), min(int(used[-1]) + 2 * reach + 1, width)
+        if last - first < width:
+            whole = np.zeros((image.shape[0] + 2 * pad_px, width + 2 * pad_px), np.float32)
+            whole[:, first : last + 2 * pad_px] = spline_coefficients(image[:, first:last], spline, pad_px)
+            return whole
     if min(image.shape) < 2 * reach:
         return _extended(_filtered(image, kernel), pad_px)
     whole = cast(FloatArray, cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel))

@@ -19,6 +19,7 @@ from bscd.dic.recovery import Jump, recovered, trial_points
 from bscd.dic.sharpness import sharpness_per_px
 from bscd.dic.solver import PARAMETERS, KnownSubsets, Lighting, ShapeName
 from bscd.dic.tracker_state import REFERENCE, GenerationState, Tracked, TrackerState, at_rest
+from bscd.dic.tracking_kernel import carry_on
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
@@ -206,23 +207,27 @@ class Tracker:
         The noise of the image in which the reference was renewed drew the points there aside, and the match that
         begins there draws them back, as far as both look at the same subset.
         """
-        reached, alike = generation.reached, generation.alike[mine, None, None]
-        start = reached.position_px[mine]
+        reached = generation.reached
         known = result.valid
         generation.shape[mine[known]] = result.shape[known]
-        onward = np.eye(2) + result.gradient
-        carried, reference, drawn = (
-            onward @ part[mine] @ np.swapaxes(onward, 1, 2)
-            for part in (reached.covariance_px2, reached.reference_px2, reached.frame_px2)
-        )
         before, now = result.noise_grey
-        of_reference = result.covariance_px2 * (before**2 / max(before**2 + now**2, 1e-12))
-        first = generation is self._generations.get(0)
-        whole.position_px[mine] = start + result.displacement_px
-        whole.covariance_px2[mine] = result.covariance_px2 + carried - alike * (drawn + of_reference)
-        whole.reference_px2[mine] = of_reference if first else reference
-        whole.frame_px2[mine] = result.covariance_px2 - of_reference
-        whole.gradient[mine] = onward @ (np.eye(2) + reached.gradient[mine]) - np.eye(2)
+        carry_on(
+            mine,
+            result.gradient,
+            result.covariance_px2,
+            before**2 / max(before**2 + now**2, 1e-12),
+            generation.alike,
+            generation is self._generations.get(0),
+            reached.gradient,
+            reached.covariance_px2,
+            reached.reference_px2,
+            reached.frame_px2,
+            whole.covariance_px2,
+            whole.reference_px2,
+            whole.frame_px2,
+            whole.gradient,
+        )
+        whole.position_px[mine] = reached.position_px[mine] + result.displacement_px
         whole.zncc[mine] = result.zncc
         whole.status[mine] = result.status
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals
+from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals, second_orders
 
 RNG = np.random.default_rng(11)
 POINTS, MOST, SUBSET = 60, 7, 21.0
@@ -56,3 +56,11 @@ def test_neighbour_sums():
     np.testing.assert_allclose(neighbour_sums(values, INDEX, COUNT, 1), once, rtol=1e-12, atol=1e-12)
     twice = np.sum(np.where(THERE, once[INDEX], 0.0), axis=1)
     np.testing.assert_allclose(neighbour_sums(values, INDEX, COUNT, 2), twice, rtol=1e-12, atol=1e-12)
+
+
+def test_second_orders():
+    values, found = RNG.normal(size=(POINTS, 2)), np.empty((POINTS, 6))
+    values[~KNOWN] = np.nan
+    second_orders(values, KNOWN, INDEX, COUNT, WEIGHTS, found)
+    expected = np.einsum("ntk,nkc->nct", WEIGHTS[:, 3:], np.nan_to_num(values)[INDEX]).reshape(POINTS, 6)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)

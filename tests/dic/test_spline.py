@@ -184,3 +184,19 @@ def test_a_slope_goes_on_to_the_border(spline):
     along, down = slopes(filtered, ORDERS[spline], x, y)
     np.testing.assert_allclose(along, 3.0, atol=3e-4)
     np.testing.assert_allclose(down, -2.0, atol=3e-4)
+
+
+@pytest.mark.parametrize("spline", ["quintic", "cubic"])
+@pytest.mark.parametrize("used", [(0, 90), (100, 200), (150, 260)], ids=["left", "middle", "right"])
+def test_some_columns_are_filtered_as_in_the_whole_image(spline, used):
+    image = np.random.default_rng(1).integers(0, 256, (120, 260)).astype(np.float32)
+    columns = np.isin(np.arange(260), np.arange(*used))
+    pad = 20
+    part = spline_coefficients(image, spline, pad, columns)
+    whole = spline_coefficients(image, spline, pad)
+    assert part.shape == whole.shape
+    reached = slice(used[0] + pad - 3, used[1] + pad + 3)  # what values in these columns rest on
+    np.testing.assert_allclose(part[:, reached], whole[:, reached], atol=2e-3)
+    far = np.ones(part.shape[1], bool)
+    far[max(used[0] - 66, 0) : used[1] + 66 + 2 * pad] = False
+    assert (part[:, far] == 0.0).all()

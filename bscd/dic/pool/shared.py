@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import secrets
 from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
@@ -26,7 +28,9 @@ class SharedImage:
     @classmethod
     def holding(cls, image: NDArray[Any]) -> SharedImage:
         """A copy of an image in shared memory of its own."""
-        block = SharedMemory(create=True, size=max(image.nbytes, 1))
+        # whose it is can be seen in its name
+        name = f"bscd-{os.getpid()}-{secrets.token_hex(8)}"
+        block = SharedMemory(name, create=True, size=max(image.nbytes, 1))
         np.ndarray(image.shape, image.dtype, buffer=block.buf)[:] = image
         made = cls(block.name, image.shape, image.dtype.str)
         block.close()

@@ -19,13 +19,15 @@ from bscd.procedures.live.messages import (
     LiveEvent,
     LiveFailure,
     LiveFrame,
+    LiveReady,
     LiveSetup,
     PushedFrame,
     TakenFrame,
 )
 
-#: Frames that may wait in memory for the live process; with 1.3 MB each this is 42 MB.
-WAITING = 32
+#: Frames that may wait in memory for the live process; with 1.3 MB each this is 84 MB. The reference takes
+#: a second or two to begin with, and what was recorded meanwhile as long again to be caught up with.
+WAITING = 64
 
 #: Once there is nothing to catch up it ends in this time; catching up has ``finish``'s own time-out.
 _GRACE_S = 10.0
@@ -50,6 +52,7 @@ class LiveMeasurement:
         self._pushed = self._missed = 0
         self._latencies_s: list[float] = []
         self._done: LiveDone | None = None
+        self._ready = False
         self._failure = ""
         self._process, self._pipe = start_program("bscd.procedures.live.process")
         self._pipe.send(setup)
@@ -76,6 +79,14 @@ class LiveMeasurement:
     def failure(self) -> str:
         """Why live measuring ended early, empty while it goes on."""
         return self._failure
+
+    def wait_ready(self, timeout_s: float) -> bool:
+        """Wait until the live process has loaded all and can follow; False when it has not, or has failed."""
+        ends = time.monotonic() + timeout_s
+        with self._lock:
+            while not (self._ready or self._failure) and time.monotonic() < ends:
+                self._lock.wait(_LOOK_S)
+            return self._ready and not self._failure
 
     @property
     def process_id(self) -> int:
@@ -165,6 +176,10 @@ class LiveMeasurement:
         with self._lock:
             if isinstance(message, TakenFrame):
                 self._images.pop(message.name).release()
+                return
+            if isinstance(message, LiveReady):
+                self._ready = True
+                self._lock.notify_all()
                 return
             if isinstance(message, LiveFrame):
                 self._latencies_s.append(message.latency_s)

@@ -59,6 +59,11 @@ class TakenFrame:
 
 
 @dataclass(frozen=True)
+class LiveReady:
+    """The live process and its workers have loaded what they need."""
+
+
+@dataclass(frozen=True)
 class Finish:
     """No more frames come; what was missed is in this run file (None: nothing is caught up)."""
 

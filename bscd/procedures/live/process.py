@@ -12,7 +12,8 @@ from typing import Any
 from bscd.dic.pool import LocalPool
 from bscd.errors import BscdError
 from bscd.procedures.live.engine import ArrivedFrame, LiveEngine
-from bscd.procedures.live.messages import Finish, LiveFailure, LiveSetup, PushedFrame, TakenFrame
+from bscd.procedures.live.messages import Finish, LiveFailure, LiveReady, LiveSetup, PushedFrame, TakenFrame
+from bscd.procedures.measuring.chunks import load
 
 
 def serve(pipe: Connection) -> None:
@@ -38,6 +39,9 @@ def _measure(pipe: Connection, tell: Any, setup: LiveSetup, pool: LocalPool) -> 
     reason = "live measuring was cut off"
     try:
         engine = LiveEngine(setup, pool, tell)
+        for loading in [pool.submit(load, near=f"worker {number}") for number in range(setup.workers)]:
+            loading.result()
+        tell(LiveReady())
         while True:
             message = pipe.recv()
             if isinstance(message, Finish):

@@ -12,7 +12,7 @@ from typing import Any
 from bscd.calibration import Calibration
 from bscd.errors import BscdError, InputError
 from bscd.procedures.live.follower import LiveFollower
-from bscd.procedures.live.measurement import LiveMeasurement
+from bscd.procedures.live.measurement import WAITING, LiveMeasurement
 from bscd.procedures.live.messages import LiveDone, LiveEvent, LiveSetup
 from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.measuring.beginning import view_source
@@ -24,6 +24,9 @@ from bscd.results import Origin
 #: Catching up may take so long for each frame, and at least so long.
 _CATCH_UP_S = 10.0
 _LEAST_S = 60.0
+
+#: The live process loads its libraries before the recording begins, or what comes meanwhile would have to wait.
+_LOAD_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -53,13 +56,14 @@ def record_and_measure(
     settings: MeasureSettings | None = None,
     calibration_name: str = "",
     workers: int = 2,
+    waiting: int = WAITING,
     title: str = "inflation",
     on_event: Callable[[LiveEvent], None] = lambda _: None,
     **recording: Any,
 ) -> tuple[Recording, LiveOutcome]:
     """Record as `record_inflation` (``recording`` are its arguments) and measure each frame as it arrives into ``out``.
 
-    What the measurement could not take in time is measured from the run file when the membrane is vented, so every
+    No more than ``waiting`` frames wait for it in memory. What the measurement could not take in time is measured from the run file when the membrane is vented, so every
     frame has its result. A measurement that fails never ends the recording; its reason is in the outcome.
 
     Raises
@@ -88,7 +92,8 @@ def record_and_measure(
         settings=settings,
         workers=workers,
     )
-    with LiveMeasurement(setup, on_event) as live:
+    with LiveMeasurement(setup, on_event, waiting=waiting) as live:
+        live.wait_ready(_LOAD_S)  # whatever comes of it the recording begins
         follower = LiveFollower(live)
         followers: Sequence[Any] = (*recording.pop("followers", ()), follower)
         done = record_inflation(rig, recipe, path, title=title, followers=followers, **recording)

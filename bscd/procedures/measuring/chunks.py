@@ -61,6 +61,10 @@ def track_chunk(
         return found, tracker.state()
 
 
+def load() -> None:
+    """Have a worker load what `track_chunk` needs, by asking it for something of this module."""
+
+
 def _kept(chain: Chain, tracked: int) -> Tracker | None:
     """The tracker that did the chunk before, taken out so that no one else goes on with it."""
     with _lock:

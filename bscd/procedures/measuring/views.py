@@ -42,7 +42,7 @@ class BiprismSplitter:
         self._made_from = (split_px, shape, subset_px)
         columns = np.broadcast_to(np.arange(shape[1]), shape)
         self.left_mask: BoolArray = np.ascontiguousarray(columns <= split_px - _BLEND_PX)
-        self._right = np.ascontiguousarray(columns >= split_px + _BLEND_PX).view(np.uint8)
+        self.right_mask: BoolArray = np.ascontiguousarray(columns >= split_px + _BLEND_PX)
         self._subset_px = subset_px
 
     @classmethod
@@ -66,11 +66,19 @@ class BiprismSplitter:
         return BiprismSplitter, self._made_from
 
     def views(self, image: np.ndarray) -> FrameViews:
-        """Both halves ``(H, W)`` share one set of spline coefficients; glare is left out."""
-        left = prepare(image, mask=self.left_mask, subset_px=self._subset_px, name="frame")
-        halves = FrameViews(left, replace(left, mask=self._right))
+        """Both halves of an image ``(H, W)``; glare is left out."""
         spoilt = glare(image, self._subset_px)
-        return halves if spoilt is None else FrameViews(_without(halves.left, spoilt), _without(halves.right, spoilt))
+        return FrameViews(*(self._half(image, side, spoilt) for side in SIDES))
+
+    def view(self, side: Side, image: np.ndarray) -> PreparedImage:
+        """One of them, for half the work."""
+        return self._half(image, side, glare(image, self._subset_px))
+
+    def _half(self, image: np.ndarray, side: Side, spoilt: BoolArray | None) -> PreparedImage:
+        mask = self.left_mask if side == "left" else self.right_mask
+        view = prepare(image, mask=mask, subset_px=self._subset_px, name="frame")
+        view = replace(view, grey=np.asarray(view.grey, np.float32))  # the reference is a mean, and has no other type
+        return view if spoilt is None else _without(view, spoilt)
 
 
 def _without(view: PreparedImage, spoilt: BoolArray) -> PreparedImage:
@@ -93,13 +101,12 @@ class ViewSource:
 
     def views(self, images: FrameImages) -> FrameViews:
         """Both views."""
-        taken = [np.asarray(image, np.float32) for image in images]
         if self.splitter is not None:
-            return self.splitter.views(taken[0])
-        return FrameViews(*(pair_view(image, self.subset_px) for image in taken))
+            return self.splitter.views(images[0])
+        return FrameViews(*(pair_view(np.asarray(image, np.float32), self.subset_px) for image in images))
 
     def view(self, side: Side, images: FrameImages) -> PreparedImage:
         """One of them, as `views` makes it."""
         if self.splitter is not None:
-            return getattr(self.views(images), side)
+            return self.splitter.view(side, images[0])
         return pair_view(np.asarray(images[SIDES.index(side)], np.float32), self.subset_px)

@@ -30,10 +30,6 @@ def offline(wide, inflation_run, tmp_path_factory):
         return list(results.frames())
 
 
-def shared_memory():
-    return {name for name in os.listdir("/dev/shm") if name.startswith("psm_")}
-
-
 def children(process_id):
     return [int(one) for one in Path(f"/proc/{process_id}/task/{process_id}/children").read_text().split()]
 
@@ -153,8 +149,18 @@ def test_a_live_process_that_is_killed_is_told_and_pushing_goes_on(wide, inflati
         assert (live.pushed, live.missed) == (6, 6)
         with pytest.raises(BscdError, match="the live process ended; the run is whole, measure it with bscd measure"):
             live.finish(inflation_run, WAIT_S)
-    left = shared_memory()  # also that of other tests, which goes with them
-    until(lambda: not left & shared_memory(), "its shared memory is given back")
+    assert not [name for name in os.listdir("/dev/shm") if name.startswith(f"bscd-{os.getpid()}-")]
+
+
+def test_it_says_when_it_can_follow_and_that_it_never_will(wide, inflation_run, tmp_path):
+    with measuring(wide, inflation_run, tmp_path / "live.h5") as live:
+        assert live.wait_ready(0.0) is False
+        assert live.wait_ready(WAIT_S) is True
+        os.kill(live.process_id, signal.SIGKILL)
+        until(lambda: live.failure, "its end is noticed")
+        begun_s = time.monotonic()
+        assert live.wait_ready(WAIT_S) is False
+        assert time.monotonic() - begun_s < 5.0
 
 
 def test_what_goes_wrong_in_it_is_told_in_a_sentence(wide, inflation_run, tmp_path):
