@@ -63,8 +63,9 @@ def record_and_measure(
 ) -> tuple[Recording, LiveOutcome]:
     """Record as `record_inflation` (``recording`` are its arguments) and measure each frame as it arrives into ``out``.
 
-    No more than ``waiting`` frames wait for it in memory. What the measurement could not take in time is measured from the run file when the membrane is vented, so every
-    frame has its result. A measurement that fails never ends the recording; its reason is in the outcome.
+    No more than ``waiting`` frames wait for it in memory. What it could not take in time is measured from the run file
+    when the membrane is vented, so every frame has its result. A measurement that fails never ends the recording; its
+    reason is in the outcome.
 
     Raises
     ------
