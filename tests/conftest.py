@@ -44,7 +44,31 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="also run the soaks and long series")
 
 
+#: Files that take longest, the longest first: they begin first, so that none is left to run alone at the end.
+LONGEST = (
+    "cli/test_demo.py",
+    "drivers/test_rig_through_drivers.py",
+    "daemon/test_crash.py",
+    "procedures/measuring/test_live.py",
+    "procedures/measuring/test_pooled.py",
+    "procedures/measuring/test_report.py",
+    "procedures/measuring/test_live_recording.py",
+    "cli/test_foreign_folder.py",
+    "procedures/measuring/test_faults.py",
+    "procedures/measuring/test_inflation.py",
+    "drivers/stages/test_stage_faults.py",
+    "docs/test_tutorial.py",
+    "procedures/test_streaming.py",
+    "cli/test_foreign_measuring.py",
+    "drivers/cameras/aravis/test_faults.py",
+    "drivers/jacks/test_modbus_wire_faults.py",
+    "analysis/test_report_page.py",
+)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    begins = {ROOT / "tests" / name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: begins.get(item.path, len(LONGEST)))
     if config.getoption("--slow"):
         return
     kept = [item for item in items if "slow" not in item.keywords]

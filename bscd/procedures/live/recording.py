@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ _LEAST_S = 60.0
 
 #: The live process loads its libraries before the recording begins, or what comes meanwhile would have to wait.
 _LOAD_S = 60.0
+_SLICE_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def record_and_measure(
         workers=workers,
     )
     with LiveMeasurement(setup, on_event, waiting=waiting) as live:
-        live.wait_ready(_LOAD_S)  # whatever comes of it the recording begins
+        _wait_ready(live, recording.get("stop"))
         follower = LiveFollower(live)
         followers: Sequence[Any] = (*recording.pop("followers", ()), follower)
         done = record_inflation(rig, recipe, path, title=title, followers=followers, **recording)
@@ -111,6 +113,14 @@ def record_and_measure(
             measured.worker_restarts,
             failure,
         )
+
+
+def _wait_ready(live: LiveMeasurement, stop: Any) -> None:
+    """Until it can follow; whatever comes of it the recording begins, at once when it is to stop."""
+    ends = time.monotonic() + _LOAD_S
+    while not (live.wait_ready(_SLICE_S) or live.failure or time.monotonic() > ends):
+        if stop is not None and stop.is_set():
+            return
 
 
 def figures(latencies_s: Sequence[float]) -> tuple[float, float]:
