@@ -51,7 +51,7 @@ def test_the_sequence_is_worth_it(plain):
     assert plain[-1].valid.mean() > 0.5
 
 
-@pytest.mark.parametrize("chunk", [1, 3, 8])
+@pytest.mark.parametrize("chunk", [1, 8])
 def test_the_size_of_chunks_does_not_matter(wide, inflation_run, plain, two_workers, monkeypatch, chunk):
     monkeypatch.setattr(pooled, "CHUNK", chunk)
     assert all_same(measured(wide, inflation_run, two_workers), plain)
