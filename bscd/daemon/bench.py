@@ -80,10 +80,14 @@ class Bench:
             self.rig.pressure.vent()
 
     def place(self, specimen: Specimen) -> str:
-        """Put it into the volume: the twin does so by itself (""); else what the operator is to confirm."""
+        """Put it into the volume: the twin does so by itself (""); else what the operator is to confirm.
+
+        The twin's first image of it is rendered at once: it takes longer than a camera may be silent.
+        """
         if self.world is None:
             return f"put {_SPECIMENS[specimen]} into the volume"
         self.world.place(specimen)
+        self.world.irradiance("primary")
         return ""
 
     def close(self) -> None:

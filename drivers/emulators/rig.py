@@ -26,6 +26,9 @@ ZABER_MICROSTEPS_PER_UNIT = {"mm": 1.0 / 0.047625e-3, "deg": 768000.0 / 180.0}
 PORTS = ("rotation", "translation", "jacks", "pressure")
 FIRST_PORT = 7101
 
+#: An emulated camera is silent while the twin renders, which takes as long as the machine's other work lets it.
+SILENT_S = 5.0
+
 _STAGES = ("rotation", "translation")
 _UNITS = {"rotation": "deg", "translation": "mm"}
 
@@ -115,7 +118,7 @@ class EmulatedRig:
             return [f"the cameras are not served: {error}"]
         self._stops.append(serving.stop)
         for emulator, camera in zip(serving.emulators, cameras, strict=False):
-            section = {"driver": "camera.aravis", "address": emulator.address}
+            section = {"driver": "camera.aravis", "address": emulator.address, "stall_timeout_s": SILENT_S}
             device = _camera_name(self.devices, camera)
             self.emulators[device] = emulator
             self.served.append(Served(device, emulator.address, emulator.summary, section))

@@ -30,15 +30,24 @@ def events_of(api, count, **headers):
 
 def test_events_tell_what_happens_with_ids_that_grow(api, daemon):
     found: list = []
-    listening = threading.Thread(target=lambda: found.extend(events_of(api, 4)))
+
+    def listen():
+        with connect_sse(api, "GET", f"{API}/events") as source:
+            for event in source.iter_sse():
+                found.append(event)
+                if event.event == "job" and json.loads(event.data)["status"] == "done":
+                    return
+
+    listening = threading.Thread(target=listen)
     before = len(daemon.events._subscriptions)
     listening.start()
     until(lambda: len(daemon.events._subscriptions) > before, "a listener")
     job = api.post(f"{API}/jobs", json={"recipe": "home"}).json()
     listening.join(60.0)
-    assert [event.event for event in found if event.event in ("job", "state")]
+    assert not listening.is_alive()
+    assert {"job", "state"} <= {event.event for event in found}
     ids = [int(event.id) for event in found]
-    assert ids == list(range(ids[0], ids[0] + 4))
+    assert ids == list(range(ids[0], ids[0] + len(found)))
     first = json.loads(next(event.data for event in found if event.event == "job"))
     assert (first["id"], first["status"]) == (job["id"], "queued")
     until(lambda: len(daemon.events._subscriptions) == before, "it is let go of")

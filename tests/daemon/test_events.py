@@ -36,6 +36,17 @@ def test_a_slow_listener_loses_its_own_oldest_and_is_told():
         assert fast.lost == 0
 
 
+def test_what_is_kept_is_bounded_in_bytes():
+    log = EventLog(keep_bytes=10_000, first=0)
+    for number in range(100):
+        log.publish("live", {"number": number, "map": [1.0] * 200})  # 1 kB
+    events, gone = log.since(-1)
+    assert gone
+    assert 5 < len(events) < 10
+    assert [event.data["number"] for event in events] == list(range(100 - len(events), 100))
+    assert sum(len(event.text) for event in events) <= 10_000
+
+
 def test_who_has_left_is_not_told():
     log = EventLog()
     with log.subscribe() as listener:

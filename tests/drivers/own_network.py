@@ -22,6 +22,7 @@ import pytest
 REPORTS = "BSCD_OWN_NETWORK_REPORTS"
 """In the child: the file that takes its reports."""
 LONGEST_S = 900
+"""What a module's tests may take together, beyond the longest time-out that one of them asks for."""
 
 _reports: dict[str, list[pytest.TestReport]] = {}
 
@@ -56,6 +57,12 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return True
 
 
+def _asked_s(item: pytest.Item) -> float:
+    """The time-out of a test's own."""
+    mark = item.get_closest_marker("timeout")
+    return 0.0 if mark is None else float(mark.args[0])
+
+
 def report_to_file(config: pytest.Config, report: pytest.TestReport) -> None:
     """In the child: hand a report to the parent."""
     data = config.hook.pytest_report_to_serializable(config=config, report=report)
@@ -78,7 +85,7 @@ def _run_module_of(item: pytest.Item) -> None:
             env={**environment, REPORTS: str(file)},
             capture_output=True,
             text=True,
-            timeout=LONGEST_S,
+            timeout=LONGEST_S + max(_asked_s(i) for i in items),
         )
         for line in file.read_text().splitlines():
             report = item.config.hook.pytest_report_from_serializable(config=item.config, data=json.loads(line))

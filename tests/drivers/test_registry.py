@@ -1,5 +1,7 @@
 """The registry: what it finds, what it says of what it can not have, and building the simulated devices."""
 
+import subprocess
+import sys
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -36,6 +38,19 @@ def test_finds_what_packages_offer(monkeypatch):
     assert dict(drivers) == {"camera.simulated": CAMERA}
     assert len(drivers) == 1
     assert "axis.simulated" not in drivers
+
+
+def test_only_what_a_configuration_names_is_imported():
+    program = (
+        "import sys\n"
+        "from drivers.registry import installed_drivers\n"
+        "installed_drivers()['camera.simulated']\n"
+        "print(*(name for name in sys.modules if name.startswith('drivers.')))"
+    )
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    imported = told.stdout.split()
+    assert "drivers.simulated.entries" in imported
+    assert not [name for name in imported if name.startswith(("drivers.cameras", "drivers.stages", "drivers.jacks"))]
 
 
 def test_names_the_known_drivers():

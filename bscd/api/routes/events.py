@@ -11,7 +11,7 @@ from fastapi import APIRouter, Header, Query, Request
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from bscd.api.security import StreamViewer, TheDaemon
-from bscd.daemon.events import Event, Subscription
+from bscd.daemon.events import Subscription
 
 router = APIRouter(tags=["events"])
 
@@ -51,9 +51,4 @@ async def _told(subscription: Subscription, closing: asyncio.Event) -> AsyncIter
             if event is None:
                 await asyncio.sleep(_LOOK_S)
             else:
-                yield _sent(event)
-
-
-def _sent(event: Event) -> ServerSentEvent:
-    data = {"time": event.time.isoformat(), **event.data}
-    return ServerSentEvent(event=event.kind, id=str(event.id), data=json.dumps(data, allow_nan=False))
+                yield ServerSentEvent(event=event.kind, id=str(event.id), data=event.text)

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import threading
+import time
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,8 @@ from bscd.cli.app import run as bscd
 from bscd.cli.record import DEFAULT_CONFIG, rig_of
 from bscd.config import load_config
 from bscd.errors import InputError
-from bscd.procedures.live import LiveFrame, record_and_measure
+from bscd.procedures import ProcedureStoppedError
+from bscd.procedures.live import LiveFrame, LiveMeasurement, record_and_measure
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.procedures.recording import InflationRecipe
 from bscd.results import ResultsFile
@@ -95,6 +98,19 @@ def test_a_measurement_that_dies_leaves_the_recording_whole(wide, inflation_run,
     with RunFile(tmp_path / "run.h5") as run:
         assert run.complete
         assert run.verify() is None
+
+
+def test_a_stop_while_the_measurement_loads_is_heard_at_once(wide, inflation_run, tmp_path, monkeypatch):
+    monkeypatch.setattr(LiveMeasurement, "wait_ready", lambda self, timeout_s: time.sleep(timeout_s))  # never loaded
+    stop = threading.Event()
+    timer = threading.Timer(1.0, stop.set)
+    with replaying(inflation_run) as (rig, recipe):
+        timer.start()
+        begun_s = time.monotonic()
+        with pytest.raises(ProcedureStoppedError, match="before it began"):
+            measured(rig, recipe, wide, tmp_path, stop=stop)
+        assert time.monotonic() - begun_s < 30.0  # it would wait for a minute
+    assert [one.name for one in tmp_path.iterdir()] == ["run.h5"]
 
 
 def test_what_does_not_fit_is_refused_before_anything_moves(wide, inflation_run, tmp_path):
