@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,9 +131,17 @@ class RunFile(RecordedFile):
             wanted &= (table[field] == value) if value is not None else True
         return table[wanted]
 
-    def frames(self, camera: CameraName | None = None, phase: PhaseName | None = None) -> Iterator[FrameRecord]:
-        """The frames in the order recorded, each read when its turn comes."""
-        for row in self.table(camera, phase):
+    def frames(
+        self,
+        camera: CameraName | None = None,
+        phase: PhaseName | None = None,
+        numbers: Collection[int] | None = None,
+    ) -> Iterator[FrameRecord]:
+        """The frames in the order recorded, each read when its turn comes; those of some sequence ``numbers`` only."""
+        table = self.table(camera, phase)
+        if numbers is not None:
+            table = table[np.isin(table["sequence_number"], list(numbers))]
+        for row in table:
             yield self._record(row, pressure_kpa=float(row["pressure_kpa"]))
 
     def groups(self, camera: CameraName | None = None, phase: PhaseName | None = None) -> Iterator[FrameMean]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import secrets
+import shutil
 from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
@@ -13,8 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bscd.errors import BscdError
+
+#: Writing to shared memory that has run out would end the process (SIGBUS): so much stays free for others' writing.
+_SPARE_BYTES = 4_000_000
+
 #: Where Linux shows blocks of shared memory.
 _FOLDER = Path("/dev/shm")  # noqa: S108 - not a place for temporary files of ours
+
+
+class MemoryFullError(BscdError):
+    """The computer's shared memory has no room."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +37,12 @@ class SharedImage:
 
     @classmethod
     def holding(cls, image: NDArray[Any]) -> SharedImage:
-        """A copy of an image in shared memory of its own."""
+        """A copy of an image in shared memory of its own. Raises `MemoryFullError`."""
+        if _FOLDER.is_dir() and shutil.disk_usage(_FOLDER).free < image.nbytes + _SPARE_BYTES:
+            raise MemoryFullError(
+                f"shared memory ({_FOLDER}) has no room for an image of {image.nbytes / 1e6:.1f} MB; "
+                "remove what is left there, or give it more (in a container: --shm-size)"
+            )
         # whose it is can be seen in its name
         name = f"bscd-{os.getpid()}-{secrets.token_hex(8)}"
         block = SharedMemory(name, create=True, size=max(image.nbytes, 1))
@@ -35,6 +50,11 @@ class SharedImage:
         made = cls(block.name, image.shape, image.dtype.str)
         block.close()
         return made
+
+    @property
+    def nbytes(self) -> int:
+        """Its bytes."""
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
 
     def read(self) -> NDArray[Any]:
         """An own copy."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -208,8 +208,8 @@ class LiveEngine:
                 f"{len(self._begun.numbers) - 1}, since pressures came late; measure it with bscd measure"
             )
         needed = {number for state in self._complete.states for number in state.images} - {REFERENCE}
-        earlier = {n: images for n, _, images in _numbered(run, choice) if n in needed} if known < len(choice) else {}
-        frames = ((n, record, images) for n, record, images in _numbered(run, choice) if n >= known)
+        earlier = {number: images for number, _, images in _numbered(run, choice, sorted(needed))}
+        frames = _numbered(run, choice, range(known, len(choice)))
         self._begun.sequence.stray = self._complete.stray
         with PooledTracking(self._pool, self._begun, starts=self._complete.states, earlier=earlier) as tracking:
             done = 0
@@ -221,8 +221,10 @@ class LiveEngine:
         return done
 
 
-def _numbered(run: RunFile, choice: FrameChoice) -> Iterator[tuple[int, FrameRecord, FrameImages]]:
-    for number, (primary, auxiliary) in enumerate(frame_records(run, choice)):
+def _numbered(
+    run: RunFile, choice: FrameChoice, which: Sequence[int]
+) -> Iterator[tuple[int, FrameRecord, FrameImages]]:
+    for number, (primary, auxiliary) in zip(which, frame_records(run, choice, which), strict=True):
         yield number, primary, images_of(primary, auxiliary)
 
 

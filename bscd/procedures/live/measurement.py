@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from numpy.typing import NDArray
 
-from bscd.dic.pool import SharedImage, WorkerLostError, end_program, start_program
+from bscd.dic.pool import MemoryFullError, SharedImage, WorkerLostError, end_program, start_program
 from bscd.errors import BscdError
 from bscd.procedures.live.messages import (
     Finish,
@@ -25,9 +25,10 @@ from bscd.procedures.live.messages import (
     TakenFrame,
 )
 
-#: Frames that may wait in memory for the live process; with 1.3 MB each this is 84 MB. The reference takes
-#: a second or two to begin with, and what was recorded meanwhile as long again to be caught up with.
-WAITING = 64
+#: Images that may wait in memory for the live process, MB: 17 s of a 1.3 MP camera at 11 fps. The reference takes a
+#: second or two to begin with, and what was recorded meanwhile as long again to be caught up with; one frame that is
+#: missed costs measuring all after it once more.
+WAITING_MB = 256.0
 
 #: Once there is nothing to catch up it ends in this time; catching up has ``finish``'s own time-out.
 _GRACE_S = 10.0
@@ -42,11 +43,15 @@ class LiveMeasurement:
     """
 
     def __init__(
-        self, setup: LiveSetup, on_event: Callable[[LiveEvent], None] = lambda _: None, *, waiting: int = WAITING
+        self,
+        setup: LiveSetup,
+        on_event: Callable[[LiveEvent], None] = lambda _: None,
+        *,
+        waiting_mb: float = WAITING_MB,
     ) -> None:
         if setup.settings.stereo != "biprism":
             raise BscdError("live: only the biprism's views are measured while they arrive; use bscd measure")
-        self._most, self._on_event = waiting, on_event
+        self._most_bytes, self._on_event = 1e6 * waiting_mb, on_event
         self._lock = threading.Condition()
         self._images: dict[str, SharedImage] = {}
         self._pushed = self._missed = 0
@@ -109,10 +114,15 @@ class LiveMeasurement:
         """
         exposed_ns = time.monotonic_ns() if exposed_ns is None else exposed_ns
         with self._lock:
-            if self._failure or self._done or len(self._images) >= self._most:
+            waiting = sum(image.nbytes for image in self._images.values())
+            if self._failure or self._done or waiting + frame.nbytes > self._most_bytes:
                 self._missed += 1
                 return False
-            image = SharedImage.holding(frame)
+            try:
+                image = SharedImage.holding(frame)
+            except MemoryFullError:
+                self._missed += 1
+                return False
             self._images[image.name] = image
         try:
             self._pipe.send(PushedFrame(number, image, time_s, pressure_kpa, exposed_ns))

@@ -13,7 +13,7 @@ from typing import Any
 from bscd.calibration import Calibration
 from bscd.errors import BscdError, InputError
 from bscd.procedures.live.follower import LiveFollower
-from bscd.procedures.live.measurement import WAITING, LiveMeasurement
+from bscd.procedures.live.measurement import WAITING_MB, LiveMeasurement
 from bscd.procedures.live.messages import LiveDone, LiveEvent, LiveSetup
 from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.measuring.beginning import view_source
@@ -58,16 +58,16 @@ def record_and_measure(
     settings: MeasureSettings | None = None,
     calibration_name: str = "",
     workers: int = 2,
-    waiting: int = WAITING,
+    waiting_mb: float = WAITING_MB,
     title: str = "inflation",
     on_event: Callable[[LiveEvent], None] = lambda _: None,
     **recording: Any,
 ) -> tuple[Recording, LiveOutcome]:
     """Record as `record_inflation` (``recording`` are its arguments) and measure each frame as it arrives into ``out``.
 
-    No more than ``waiting`` frames wait for it in memory. What it could not take in time is measured from the run file
-    when the membrane is vented, so every frame has its result. A measurement that fails never ends the recording; its
-    reason is in the outcome.
+    No more than ``waiting_mb`` MB of images wait for it in memory. What it could not take in time is measured from the
+    run file when the membrane is vented, so every frame has its result. A measurement that fails never ends the
+    recording; its reason is in the outcome.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def record_and_measure(
         settings=settings,
         workers=workers,
     )
-    with LiveMeasurement(setup, on_event, waiting=waiting) as live:
+    with LiveMeasurement(setup, on_event, waiting_mb=waiting_mb) as live:
         _wait_ready(live, recording.get("stop"))
         follower = LiveFollower(live)
         followers: Sequence[Any] = (*recording.pop("followers", ()), follower)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,25 +124,18 @@ def count_at_rest(pressure_kpa: FloatArray) -> int:
     return int(late[0]) if len(late) else len(before)
 
 
-def frame_records(run: RunFile, choice: FrameChoice) -> Iterator[tuple[FrameRecord, FrameRecord | None]]:
-    """The chosen frames in the order recorded, with the auxiliary camera's where there is one."""
-    wanted = set(choice.primary)
-    numbers = run.table("primary", choice.phase)["sequence_number"]
-    frames = (
-        frame
-        for number, frame in zip(numbers, run.frames("primary", choice.phase), strict=False)
-        if int(number) in wanted
-    )
+def frame_records(
+    run: RunFile, choice: FrameChoice, which: Sequence[int] | None = None
+) -> Iterator[tuple[FrameRecord, FrameRecord | None]]:
+    """The chosen frames in the order recorded, with the auxiliary camera's where there is one.
+
+    ``which`` are the numbers of those that are wanted, ascending (None: all); no other is read.
+    """
+    which = range(len(choice)) if which is None else which
+    frames = run.frames("primary", choice.phase, [choice.primary[number] for number in which])
     if not choice.auxiliary:
         for frame in frames:
             yield frame, None
         return
-    also = set(choice.auxiliary)
-    others = (
-        frame
-        for number, frame in zip(
-            run.table("auxiliary", choice.phase)["sequence_number"], run.frames("auxiliary", choice.phase), strict=False
-        )
-        if int(number) in also
-    )
+    others = run.frames("auxiliary", choice.phase, [choice.auxiliary[number] for number in which])
     yield from zip(frames, others, strict=False)

@@ -110,7 +110,7 @@ def test_frames_that_were_missed_are_measured_from_the_run(wide, inflation_run, 
 
 
 def test_one_that_can_not_follow_misses_frames_and_never_waits(wide, inflation_run, offline, tmp_path):
-    with measuring(wide, inflation_run, tmp_path / "live.h5", waiting=2) as live:
+    with measuring(wide, inflation_run, tmp_path / "live.h5", waiting_mb=3.0) as live:
         os.kill(live.process_id, signal.SIGSTOP)
         pushed(live, inflation_run)
         assert (live.pushed, live.missed) == (2, 10)

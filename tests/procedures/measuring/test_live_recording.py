@@ -73,7 +73,7 @@ def test_what_an_overloaded_measurement_left_out_is_measured_from_the_run(wide, 
     frames = 36
     events = []
     with replaying(inflation_run, rate_hz=120.0, frames=frames) as (rig, recipe):
-        done, outcome = measured(rig, recipe, wide, tmp_path, workers=1, waiting=12, on_event=events.append)
+        done, outcome = measured(rig, recipe, wide, tmp_path, workers=1, waiting_mb=16.0, on_event=events.append)
     assert (done.frames, done.lost_frames, outcome.failure) == (frames, 0, "")
     assert outcome.left_out > 0
     assert outcome.caught_up >= outcome.left_out
