@@ -44,9 +44,9 @@ def measuring(wide, inflation_run, out, *, events=None, **changes):
         run=Origin(inflation_run.name, "", ""),
         settings=SETTINGS,
         nice=0,
-        **{name: value for name, value in changes.items() if name != "waiting"},
+        **{name: value for name, value in changes.items() if name != "waiting_mb"},
     )
-    given = {"waiting": changes["waiting"]} if "waiting" in changes else {}
+    given = {"waiting_mb": changes["waiting_mb"]} if "waiting_mb" in changes else {}
     with LiveMeasurement(setup, (events if events is not None else []).append, **given) as live:
         yield live
 
