@@ -14,7 +14,7 @@ from .records import (
     RunState,
     TimeBase,
 )
-from .recovery import Recovery, recover_in_place, recover_into
+from .recovery import Recovery, is_unfinished, recover_in_place, recover_into
 from .writer import RunWriter
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "RunWriter",
     "TimeBase",
     "import_folder",
+    "is_unfinished",
     "recover_in_place",
     "recover_into",
 ]

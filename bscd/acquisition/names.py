@@ -14,3 +14,6 @@ AxisName = Literal["translation", "rotation", "jack"]
 CAMERAS: tuple[CameraName, ...] = get_args(CameraName)
 PHASES: tuple[PhaseName, ...] = get_args(PhaseName)
 AXES: tuple[AxisName, ...] = get_args(AxisName)
+
+RECORDER = "recorder"
+"""The recorder's name among the consumers of a stream."""

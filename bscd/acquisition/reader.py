@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,16 +167,19 @@ class RunFile(RecordedFile):
             recorded_kpa = float(dataset_at(detector, "pressure_kpa")[row["row"]])
         return self._record(row, pressure_kpa=recorded_kpa), kept
 
-    def verify(self) -> str | None:
+    def verify(self, stop: Callable[[], bool] = lambda: False) -> str | None:
         """Recompute every checksum; the first difference in one sentence, None when all is as recorded.
 
-        A run that has no checksum yet (recording, or its writer crashed) is compared frame by frame.
+        A run that has no checksum yet (recording, or its writer crashed) is compared frame by frame. ``stop`` is asked
+        before each frame whether to give up, which counts as no difference found.
         """
         header = header_sha256(self.header)
         if header != self._read_text(f"{RECORDING}/header_sha256"):
             return f"{self.path}: its title, configuration, recipe or devices are not what was recorded"
         digests: list[str] = []
         for row in self.table():
+            if stop():
+                return None
             record, kept = self.recorded(row)
             if frame_sha256(record) != kept:
                 where = f"frame {row['sequence_number']} ({row['camera']} camera, frame id {row['frame_id']})"

@@ -18,7 +18,7 @@ from bscd.acquisition.reader import RunFile
 from bscd.acquisition.records import FrameRecord
 from bscd.acquisition.writer import RunWriter
 from bscd.errors import InputError
-from bscd.hdf5 import clear_crash
+from bscd.hdf5 import clear_crash, is_left_open
 from drivers.interfaces import PressureReading
 
 
@@ -36,11 +36,21 @@ class Recovery:
     damage: str
 
 
-def recover_in_place(path: str | os.PathLike[str]) -> Recovery:
+def is_unfinished(path: str | os.PathLike[str]) -> bool:
+    """Whether a run is being written, or its writer was killed and nobody has recovered it.
+
+    Raises `InputError` for what is no HDF5 file.
+    """
+    return is_left_open(Path(path), RUN_FILE)
+
+
+def recover_in_place(path: str | os.PathLike[str], *, verify: bool = True) -> Recovery:
     """Make a run whose writer was killed a file that any program opens; no byte of its data is written.
 
     Only the mark of the writer is cleared. The run counts as interrupted from then on, and keeps every frame that was
-    flushed. Raises `InputError` for a file that is being written, is no run file or may not be changed.
+    flushed. Without ``verify``, which reads all of it, its damage is not looked for.
+
+    Raises `InputError` for a file that is being written, is no run file or may not be changed.
     """
     where = Path(path)
     with RunFile(where, crashed=True):  # whether it is a run file at all
@@ -49,7 +59,7 @@ def recover_in_place(path: str | os.PathLike[str]) -> Recovery:
         raise InputError(f"{where} is being written by process {writer}; stop the recording there first")
     changed = clear_crash(where, RUN_FILE)
     with RunFile(where) as run:
-        return Recovery(where, len(run.table()), changed, run.verify() or "")
+        return Recovery(where, len(run.table()), changed, (run.verify() or "") if verify else "")
 
 
 def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> Recovery:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from bscd.composition import build_devices, build_world
@@ -13,6 +13,8 @@ from bscd.daemon.recipes import Specimen
 from bscd.errors import InputError
 from bscd.procedures import Rig
 from drivers.clock import Clock
+from drivers.errors import DeviceError
+from drivers.interfaces import Axis, Camera, PressureSource
 from drivers.operator import Operator
 
 if TYPE_CHECKING:
@@ -74,6 +76,11 @@ class Bench:
         axes = {name: self.drivers[name].stop for name in ("rotation", "translation", "jacks")}
         return axes if self.rig.pressure is None else {"pressure": self.drivers["pressure"].vent, **axes}
 
+    def lost(self, names: Iterable[str] | None = None) -> list[str]:
+        """Those of the devices (None: of all) that are not connected, by role."""
+        roles = self.rig.devices
+        return [name for name in (roles if names is None else names) if name in roles and not _connected(roles[name])]
+
     def vent(self) -> None:
         """Let the pressure out. Raises `drivers.errors.DeviceError`."""
         if self.rig.pressure is not None and self.rig.pressure.info().can_set:
@@ -114,3 +121,13 @@ class Bench:
             self._emulated.stop()
         if self.world is not None:
             self.world.close()
+
+
+def _connected(device: Camera | Axis | PressureSource) -> bool:
+    if isinstance(device, GuardedPressure):
+        try:
+            device.read()
+        except DeviceError:
+            return False
+        return True
+    return getattr(device, "status")().connected  # noqa: B009 - cameras and axes both have one

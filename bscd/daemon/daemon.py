@@ -25,6 +25,7 @@ from bscd.daemon.documents import (
     ValidationDocument,
 )
 from bscd.daemon.engine import Engine
+from bscd.daemon.errors import IllegalRequestError
 from bscd.daemon.estop import EmergencyStop
 from bscd.daemon.events import EventLog
 from bscd.daemon.files import DataFolder
@@ -36,7 +37,7 @@ from bscd.daemon.lease import ControlLease
 from bscd.daemon.poller import Poller
 from bscd.daemon.prompts import Prompts
 from bscd.daemon.recipes import AnyRecipe
-from bscd.daemon.recovering import recover_runs
+from bscd.daemon.recovering import RunCheck, recover_runs
 from bscd.daemon.states import RigStates
 from bscd.errors import BscdError, InputError
 from bscd.procedures import Rig, RigNotReadyError
@@ -98,7 +99,8 @@ class Daemon:
             raise
         self.estop = EmergencyStop(self.bench.latch, self.bench.stop_commands, self._estopped)
         self.interrupted = self.journal.reconcile("the daemon ended under it")
-        recover_runs(self.files, self.interrupted, self.journal)
+        to_check = recover_runs(self.files, self.interrupted, self.journal)
+        self.run_check = RunCheck(to_check, lambda job_id, text: self.engine.jobs.warn_later(job_id, text))
         self._engine = Engine(
             self.bench,
             self.files,
@@ -108,7 +110,9 @@ class Daemon:
             self._prompts,
             reserve_bytes=round(config.daemon.reserve_mb * 1e6),
             queue_limit=config.daemon.queue_limit,
+            being_checked=lambda: self.run_check.jobs,
         )
+        self.run_check.start()
         self.poller = Poller(self.bench, self.events, config.daemon.poll_s, self._lost, self._view_if_idle)
         self.poller.start()
 
@@ -122,7 +126,10 @@ class Daemon:
     # the rig
 
     def connect(self, by: str) -> None:
-        """Connect every device and vent; nothing moves. Raises `RigNotReadyError` with all that did not answer."""
+        """Connect every device and vent; nothing moves.
+
+        Raises `RigNotReadyError` with all that did not answer (the others are connected, and vented all the same).
+        """
         with self._rig_lock:
             self.states.send("connect", f"asked by {by}")
             self._connected()
@@ -138,20 +145,35 @@ class Daemon:
     def reset_estop(self, by: str) -> None:
         """Let things move again; nothing does by itself."""
         with self._rig_lock:
+            triggers = self.estop.triggers()
+            if triggers is None:
+                raise IllegalRequestError("an e-stop is under way", self.states.state.value, self.states.allowed)
             self.states.send("reset", f"e-stop reset by {by}")
-            self.estop.reset()
+            if not self.estop.reset(triggers):
+                self.states.send("estop", f"by {self.estop.document().by}")
+                raise IllegalRequestError("it was triggered again", self.states.state.value, self.states.allowed)
             self.events.publish("estop", self.estop.document().model_dump(mode="json"))
             self._connected()
 
     def _connected(self) -> None:
+        """Connect all that answers, and vent whatever else fails."""
         rig: Rig = self.bench.rig
+        failures: dict[str, DeviceError] = {}
+        by_hand = ""
         try:
             rig.connect()
+        except RigNotReadyError as error:
+            failures = error.failures
+        try:
             self.bench.vent()
-        except (BscdError, DeviceError) as error:
-            self.states.send_if_allowed("fail", str(error))
+        except DeviceError as error:
+            failures = {"pressure": error} | failures
+            by_hand = "; the pressure could not be let out, open the valve by hand"
+        if failures:
+            failed = RigNotReadyError("connecting", failures, len(rig.devices))
+            self.states.send_if_allowed("fail", f"{failed}{by_hand}")
             self.poller.look()
-            raise
+            raise failed
         self.poller.look()
         self.states.send_if_allowed("connected", "connected, vented; nothing moved")
 
@@ -238,21 +260,27 @@ class Daemon:
     def progress(self) -> dict[str, Callable[[], int]]:
         """Counters of the daemon's parts, each of which grows while that part is well.
 
-        A recording must bring frames; another job may wait for an axis as long as that takes, while its devices answer.
+        While frames come the procedure must look after them and the recorder take them; another job may wait for an
+        axis as long as that takes, while its devices answer.
         """
         shop, poller = self.engine.shop, self.poller
 
         def bench() -> int:
-            return shop.turns["bench"] + (poller.turns if shop.running["bench"] and not shop.recording else 0)
+            waits = shop.running["bench"] and not shop.watch.streaming
+            return shop.turns["bench"] + shop.looks() + (poller.turns if waits else 0)
+
+        def recorder() -> int:
+            return shop.watch.progress(poller.turns)
 
         def desk() -> int:
             return shop.turns["desk"] + (poller.turns if shop.running["desk"] else 0)
 
-        return {"engine": bench, "desk": desk, "poller": lambda: poller.turns}
+        return {"engine": bench, "recorder": recorder, "desk": desk, "poller": lambda: poller.turns}
 
     def close(self) -> None:
         """End jobs as interrupted, vent, release every device, close the journal."""
         self.poller.close()
+        self.run_check.close()
         if self._engine is not None:
             self._engine.close()
         self.estop.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from bscd.daemon.bench import Bench
 from bscd.daemon.documents import JobDocument, JobStatus, RigState
@@ -12,7 +12,7 @@ from bscd.daemon.errors import IllegalRequestError
 from bscd.daemon.events import EventLog
 from bscd.daemon.files import DataFolder
 from bscd.daemon.jobs import Jobs, utc_now
-from bscd.daemon.journal import Journal
+from bscd.daemon.journal import Journal, RequestKey
 from bscd.daemon.prompts import Prompts
 from bscd.daemon.recipes import DESK, AnyRecipe, Campaign, Home
 from bscd.daemon.running.control import JobControl
@@ -28,6 +28,7 @@ class Engine:
     """Runs jobs; `close` ends it. What a person asks for raises `IllegalRequestError` where it can not be now.
 
     Jobs that waited when an earlier daemon ended wait until somebody resumes them: nothing moves by itself.
+    ``being_checked`` gives the ids of jobs whose files are in use.
     """
 
     def __init__(
@@ -41,9 +42,10 @@ class Engine:
         *,
         reserve_bytes: int,
         queue_limit: int,
+        being_checked: Callable[[], Collection[str]] = tuple,
     ) -> None:
         self._states, self._prompts, self._journal = states, prompts, journal
-        self._queue_limit = queue_limit
+        self._queue_limit, self._being_checked = queue_limit, being_checked
         self.jobs = Jobs(journal, events)
         self.shop = Workshop(bench, files, self.jobs, events, states, prompts, reserve_bytes)
         for job in journal.queue():
@@ -59,21 +61,19 @@ class Engine:
         Raises `IllegalRequestError` when the rig takes none now, `InterlockError` when it can not be done,
         `InputError` for a key that was used for another recipe.
         """
-        fingerprint = hashlib.sha256(recipe.model_dump_json().encode()).hexdigest()
+        key = None
+        if idempotency_key is not None:
+            key = RequestKey(idempotency_key, hashlib.sha256(recipe.model_dump_json().encode()).hexdigest())
+        place = "desk" if recipe.recipe in DESK else "bench"
+        if (known := self._known(key)) is not None:
+            return known
+        self._require_place(place)
+        homes = any(isinstance(job.recipe, Home) for job in self.jobs.open() if job.id not in self.shop.held)
+        self.shop.require_possible(recipe, homed=homes)  # asks devices: not while others wait for their turn
         with self.shop.turn:
-            if idempotency_key is not None and (known := self._journal.recall(idempotency_key)) is not None:
-                if known[0] != fingerprint:
-                    raise InputError(f"Idempotency-Key {idempotency_key[:80]}: was used for another recipe")
-                return self.jobs.get(known[1])
-            place = "desk" if recipe.recipe in DESK else "bench"
-            if place == "bench" and self._states.state not in _TAKES_JOBS:
-                raise IllegalRequestError("no job can start now", self._states.state.value, self._states.allowed)
-            waiting = [job for job in self.jobs.open() if job.status is JobStatus.QUEUED]
-            if len(waiting) >= self._queue_limit:
-                told = f"{len(waiting)} jobs wait already"
-                raise IllegalRequestError(told, self._states.state.value, ("stop", "abort"))
-            homes = any(isinstance(job.recipe, Home) for job in self.jobs.open() if job.id not in self.shop.held)
-            self.shop.require_possible(recipe, homed=homes)
+            if (known := self._known(key)) is not None:
+                return known
+            self._require_place(place)
             job = JobDocument(
                 id=_new_id(),
                 recipe=recipe,
@@ -82,9 +82,7 @@ class Engine:
                 operator=operator,
                 created_at=utc_now(),
             )
-            self.jobs.add(job)
-            if idempotency_key is not None:
-                self._journal.remember(idempotency_key, fingerprint, job.id)
+            self.jobs.add(job, key)
             self.shop.wake()
             return job
 
@@ -107,13 +105,20 @@ class Engine:
                 return job
             job, control = self._on_the_bench(job_id, "resume", (JobStatus.PAUSING, JobStatus.PAUSED))
             self._states.send("resume")
-            job = self.jobs.change(job.id, status=JobStatus.RUNNING)
+            asked = self._prompts.document is not None
+            job = self.jobs.change(job.id, status=JobStatus.WAITING if asked else JobStatus.RUNNING)
             control.resume()
             return job
 
     def stop(self, job_id: str) -> JobDocument:
-        """End it at its next safe point and keep what there is; one that waits is taken out of the line."""
-        return self._end(job_id, "stop", lambda control: control.stop(), "stopped before it began")
+        """End it at its next safe point and keep what there is; one that waits is taken out of the line.
+
+        One that waits for a person to turn something has them leave off, and tell where it is.
+        """
+        job = self._end(job_id, "stop", lambda control: control.stop(), "stopped before it began")
+        if self.shop.running["bench"] == job_id:
+            self._prompts.withdraw()
+        return job
 
     def abort(self, job_id: str, reason: str) -> JobDocument:
         """End it now."""
@@ -128,16 +133,13 @@ class Engine:
 
     def resume_from(self, job_id: str, step: int | None = None) -> JobDocument:
         """Begin a job again that ended early, at ``step`` (None: where it ended)."""
+        job = self._ended_early(job_id)
+        next_step = job.next_step if step is None else step
+        if isinstance(job.recipe, Campaign) and not 0 <= (next_step or 0) < len(job.recipe.steps):
+            raise InputError(f"job {job_id}: has the steps 0 to {len(job.recipe.steps) - 1}, not {next_step}")
+        self.shop.require_possible(job.recipe, first_step=next_step or 0)
         with self.shop.turn:
-            job = self.jobs.get(job_id)
-            if not job.status.ended or job.status is JobStatus.DONE:
-                raise IllegalRequestError(f"job {job_id} has not ended early", job.status.value, _allowed(job))
-            if job.place == "bench" and self._states.state not in _TAKES_JOBS:
-                raise IllegalRequestError("no job can start now", self._states.state.value, self._states.allowed)
-            next_step = job.next_step if step is None else step
-            if isinstance(job.recipe, Campaign) and not 0 <= (next_step or 0) < len(job.recipe.steps):
-                raise InputError(f"job {job_id}: has the steps 0 to {len(job.recipe.steps) - 1}, not {next_step}")
-            self.shop.require_possible(job.recipe, first_step=next_step or 0)
+            job = self._ended_early(job_id)
             changes = {
                 "status": JobStatus.QUEUED,
                 "next_step": next_step,
@@ -194,6 +196,34 @@ class Engine:
     def close(self) -> None:
         """End what runs, as interrupted, and join."""
         self.shop.close()
+
+    def _known(self, key: RequestKey | None) -> JobDocument | None:
+        """The job that a key was used for. Raises `InputError` when that was another recipe."""
+        known = None if key is None else self._journal.recall(key.key)
+        if key is None or known is None:
+            return None
+        if known[0] != key.fingerprint:
+            raise InputError(f"Idempotency-Key {key.key[:80]}: was used for another recipe")
+        return self.jobs.get(known[1])
+
+    def _require_place(self, place: str) -> None:
+        """Raise `IllegalRequestError` where no job can be taken now."""
+        if place == "bench" and self._states.state not in _TAKES_JOBS:
+            raise IllegalRequestError("no job can start now", self._states.state.value, self._states.allowed)
+        waiting = sum(job.status is JobStatus.QUEUED for job in self.jobs.open())
+        if waiting >= self._queue_limit:
+            raise IllegalRequestError(f"{waiting} jobs wait already", self._states.state.value, ("stop", "abort"))
+
+    def _ended_early(self, job_id: str) -> JobDocument:
+        """A job that may begin again. Raises `IllegalRequestError` for one that may not, or not now."""
+        job = self.jobs.get(job_id)
+        if not job.status.ended or job.status is JobStatus.DONE:
+            raise IllegalRequestError(f"job {job_id} has not ended early", job.status.value, _allowed(job))
+        if job_id in self._being_checked():
+            told = f"job {job_id}: its recovered run is being read through, try again in a minute"
+            raise IllegalRequestError(told, job.status.value, ())
+        self._require_place(job.place)
+        return job
 
     def _on_the_bench(self, job_id: str, what: str, when: tuple[JobStatus, ...]) -> tuple[JobDocument, JobControl]:
         job = self.jobs.get(job_id)

@@ -33,6 +33,7 @@ class EmergencyStop:
     ) -> None:
         self._latch, self._on_trigger = latch, on_trigger
         self._lock = threading.Lock()
+        self._begun = self._ended = 0
         self._document = EStopDocument(latched=False)
         self._devices = [_Device(name, command, latch) for name, command in commands.items()]
 
@@ -42,12 +43,14 @@ class EmergencyStop:
         return self._latch.closed
 
     def document(self) -> EStopDocument:
-        """The last trigger, and whether it still holds."""
-        return self._document
+        """The last trigger, and whether anything holds now."""
+        return self._document.model_copy(update={"latched": self._latch.closed})
 
     def trigger(self, by: str, reason: str = "") -> EStopDocument:
         """Stop every axis and vent, from any thread and in every state; may be called again."""
-        self._latch.close()
+        with self._lock:
+            self._begun += 1
+            self._latch.close()
         begun = time.monotonic_ns()
         rounds = [device.trigger() for device in self._devices]
         ends = time.monotonic() + ANSWER_S
@@ -65,14 +68,25 @@ class EmergencyStop:
         )
         with self._lock:
             self._document = document
-        self._on_trigger(document)
+        try:
+            self._on_trigger(document)
+        finally:
+            with self._lock:
+                self._ended += 1
         return document
 
-    def reset(self) -> None:
-        """Let things move again; nothing does by itself."""
+    def triggers(self) -> int | None:
+        """How often it was triggered so far; None while a trigger is under way."""
         with self._lock:
-            self._document = self._document.model_copy(update={"latched": False})
+            return self._begun if self._begun == self._ended else None
+
+    def reset(self, triggers: int) -> bool:
+        """Let things move again, nothing does by itself; False, and nothing may, when it was triggered since."""
+        with self._lock:
+            if triggers != self._begun:
+                return False
             self._latch.open()
+            return True
 
     def close(self) -> None:
         """End the threads."""

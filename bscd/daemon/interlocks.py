@@ -96,6 +96,11 @@ class Interlocks:
                     kinds.discard("result")
                 looked.made[step.name] = kinds
         else:
+            if isinstance(recipe, Calibrate | Measure) and (recipe.prompt or recipe.specimen):
+                looked.problems.append(
+                    f"{recipe.recipe}: is done at the desk, where nobody is asked and nothing is placed; "
+                    "leave out prompt and specimen, or make it a step of a campaign"
+                )
             self._one(recipe, looked, "")
         free = shutil.disk_usage(self._files.root).free
         if looked.disk_bytes + self._reserve_bytes > free:
@@ -134,13 +139,7 @@ class Interlocks:
         return told
 
     def _connected(self, looked: _Looked, names: Iterable[str]) -> bool:
-        lost = [
-            name
-            for name in names
-            if name in ("primary", "auxiliary", "rotation", "translation", "jacks")
-            and (device := self._bench.rig.devices.get(name)) is not None
-            and not getattr(device, "status")().connected  # noqa: B009 - cameras and axes both have one
-        ]
+        lost = self._bench.lost(names)
         looked.problems += [f"{name}: is not connected; connect the rig" for name in lost]
         return not lost
 
@@ -202,7 +201,7 @@ class Interlocks:
         rig, inflation = self._bench.rig, recipe.inflation
         if recipe.calibration is not None:
             self._named(looked, "calibration", recipe.calibration)
-        if not self._connected(looked, ["primary", "jacks"]):
+        if not self._connected(looked, ["primary", "jacks", "pressure"]):
             return
         looked.problems += inflation_problems(rig, inflation, self._files.root / "run.h5", homed=looked.homed)
         looked.frames += inflation.frame_count

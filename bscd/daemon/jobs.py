@@ -13,7 +13,7 @@ import structlog
 
 from bscd.daemon.documents import JobDocument, JobProgress
 from bscd.daemon.events import EventLog
-from bscd.daemon.journal import Journal, JournalError
+from bscd.daemon.journal import Journal, JournalError, RequestKey
 from bscd.procedures import Progress
 
 _LOG = structlog.get_logger(__name__)
@@ -42,10 +42,10 @@ class Jobs:
         self._open: dict[str, JobDocument] = {}
         self._paces: dict[str, _Pace] = {}
 
-    def add(self, job: JobDocument) -> JobDocument:
-        """A new one, or one that is begun again."""
+    def add(self, job: JobDocument, key: RequestKey | None = None) -> JobDocument:
+        """A new one, with the key of its request where it has one, or one that is begun again."""
         with self._lock:
-            self._journal.save(job)
+            self._journal.save(job, key)
             if not job.status.ended:
                 self._open[job.id] = job
             self._tell(job)
@@ -93,6 +93,21 @@ class Jobs:
             if now_s - pace.told_s >= _TELL_S or now.done >= now.total:
                 pace.told_s = now_s
                 self._tell(job)
+
+    def begin_stretch(self, job_id: str) -> None:
+        """What comes now is other work: what is known of its progress so far says nothing of it."""
+        with self._lock:
+            self._paces.pop(job_id, None)
+            job = self._open.get(job_id)
+            if job is not None and job.progress is not None:
+                self._open[job_id] = job.model_copy(update={"progress": None})
+
+    def warn_later(self, job_id: str, text: str) -> None:
+        """Keep a warning with a job that has ended."""
+        with self._lock:
+            job = self.get(job_id)
+            self.change(job_id, warnings=(*job.warnings, text))
+            self._events.publish("warning", {"job": job_id, "text": text})
 
     def warn(self, job_id: str, text: str) -> None:
         """Keep a warning with it."""

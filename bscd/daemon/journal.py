@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,14 @@ class JournalError(BscdError):
     """The journal could not be written or read while in use: the disk is full, the file is damaged or closed."""
 
 
+@dataclass(frozen=True)
+class RequestKey:
+    """An Idempotency-Key, and the fingerprint of what was asked for with it."""
+
+    key: str
+    fingerprint: str
+
+
 class Journal:
     """An SQLite file; safe to use from any thread.
 
@@ -44,8 +53,8 @@ class Journal:
         self._turn, self._closed = threading.Lock(), False
         self._engine, self.problem = opened(path, self._now())
 
-    def save(self, job: JobDocument) -> None:
-        """Keep a job as it is now; on the disk when this returns."""
+    def save(self, job: JobDocument, key: RequestKey | None = None) -> None:
+        """Keep a job as it is now, and ``key`` for a day, both or neither; on the disk when this returns."""
         row = {
             "id": job.id,
             "status": job.status.value,
@@ -56,6 +65,8 @@ class Journal:
         changed = {name: row[name] for name in ("status", "place", "document")}
         with self._writing() as connection:
             connection.execute(upsert(JOBS).values(**row).on_conflict_do_update(index_elements=["id"], set_=changed))
+            if key is not None:
+                self._remember(connection, key, job.id)
 
     def job(self, job_id: str) -> JobDocument:
         """A job. Raises `UnknownNameError`."""
@@ -122,14 +133,6 @@ class Journal:
             rows = connection.execute(select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)).mappings()
             return [AuditDocument.model_validate(dict(row)) for row in rows]
 
-    def remember(self, key: str, fingerprint: str, job_id: str) -> None:
-        """Keep an Idempotency-Key for a day."""
-        now_s = self._now_s()
-        row = {"key": key, "fingerprint": fingerprint, "job_id": job_id, "since_s": now_s}
-        with self._writing() as connection:
-            connection.execute(delete(KEYS).where(KEYS.c.since_s < now_s - KEY_LIFE_S))
-            connection.execute(upsert(KEYS).values(**row).on_conflict_do_update(index_elements=["key"], set_=row))
-
     def recall(self, key: str) -> tuple[str, str] | None:
         """Fingerprint and job of an Idempotency-Key, None for one that is new or too old."""
         query = select(KEYS.c.fingerprint, KEYS.c.job_id).where(
@@ -146,6 +149,12 @@ class Journal:
         self._engine.dispose()
         if got:
             self._turn.release()
+
+    def _remember(self, connection: Connection, key: RequestKey, job_id: str) -> None:
+        now_s = self._now_s()
+        row = {"key": key.key, "fingerprint": key.fingerprint, "job_id": job_id, "since_s": now_s}
+        connection.execute(delete(KEYS).where(KEYS.c.since_s < now_s - KEY_LIFE_S))
+        connection.execute(upsert(KEYS).values(**row).on_conflict_do_update(index_elements=["key"], set_=row))
 
     def _now(self) -> datetime:
         return datetime.fromtimestamp(self._now_s(), UTC)

@@ -21,8 +21,8 @@ _JOIN_S = 10.0
 class Poller:
     """Reads every device each ``period_s`` on a thread of its own, from `start` to `close`.
 
-    ``on_lost`` is called with the names of devices that were connected and are not any more. ``between`` is called
-    once a look, for what should happen as often (the live view of cameras that do nothing else).
+    ``on_lost`` is called after each look with the names of devices that are not connected, if any. ``between`` is
+    called once a look, for what should happen as often (the live view of cameras that do nothing else).
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Poller:
     ) -> None:
         self._bench, self._events, self._period_s = bench, events, period_s
         self._on_lost, self._between = on_lost, between
-        self._ending = threading.Event()
+        self._ending, self._looking = threading.Event(), threading.Lock()
         self._seen: dict[str, DeviceDocument] = {
             name: DeviceDocument(name=name, kind=_kind(device), driver=_driver(bench.config, name), connected=False)
             for name, device in bench.rig.devices.items()
@@ -65,18 +65,16 @@ class Poller:
             self._thread.join(_JOIN_S)
 
     def look(self) -> None:
-        """Look at every device now."""
-        lost = []
-        for name, device in self._bench.rig.devices.items():
-            before = self._seen[name]
-            now = self._look_at(name, device)
-            if before.connected and not now.connected:
-                lost.append(name)
-            self._seen[name] = now
-            if _rounded(before) != _rounded(now):
-                self._events.publish("device", now.model_dump(mode="json"))
-        if lost:
-            self._on_lost(tuple(lost))
+        """Look at every device now. One look at a time: what ``on_lost`` is told is never older than another look."""
+        with self._looking:
+            for name, device in self._bench.rig.devices.items():
+                before, now = self._seen[name], self._look_at(name, device)
+                self._seen[name] = now
+                if _rounded(before) != _rounded(now):
+                    self._events.publish("device", now.model_dump(mode="json"))
+            lost = tuple(name for name, seen in self._seen.items() if not seen.connected)
+            if lost:
+                self._on_lost(lost)
 
     def _run(self) -> None:
         while not self._ending.wait(self._period_s):

@@ -82,7 +82,18 @@ class Prompts:
                 if self._clock.now_s() > ends_s:
                     raise CheckFailedError(f"nobody confirmed in {self._timeout_s:g} s: {text}")
         finally:
+            answered = question.state is QuestionState.ANSWERED
             question.withdraw()
+            self._on_change()
+        if not answered:
+            raise CheckFailedError(f"the question was withdrawn before anybody confirmed: {text}")
+
+    def withdraw(self) -> None:
+        """Have a driver not wait for its answer any more; a recipe's question looks after a stop by itself."""
+        with self._lock:
+            held = self._open
+        if held is not None and not held[2]:
+            held[1].withdraw()
             self._on_change()
 
     def answer(self, number: int, value: float | None) -> None:

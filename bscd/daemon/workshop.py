@@ -22,18 +22,23 @@ from bscd.daemon.running.campaign import CampaignState, run_campaign
 from bscd.daemon.running.control import JobControl
 from bscd.daemon.running.live_events import live_event
 from bscd.daemon.running.recipe import run_single
+from bscd.daemon.running.recording_watch import RecordingWatch
 from bscd.daemon.running.work import Reporting, Work
 from bscd.daemon.states import RigStates
 from bscd.errors import BscdError
 from bscd.procedures import ProcedureStoppedError, Progress
 from bscd.procedures.live.messages import LiveEvent
-from drivers.errors import DeviceError
+from bscd.procedures.recording.ending import NotVentedError
+from drivers.errors import DeviceError, MoveStoppedError
 
 _LOG = structlog.get_logger(__name__)
 _JOIN_S = 60.0
 
 #: The line is looked at so often, also when nothing was told of it.
 _LOOK_S = 1.0
+
+#: The e-stop's longest time to its word, with the time that it gives the slowest device.
+_ESTOP_TELLS_S = 2.0
 
 PLACES: tuple[str, ...] = ("bench", "desk")
 
@@ -67,6 +72,7 @@ class Workshop:
         self.controls: dict[str, JobControl] = {}
         self.running: dict[str, str | None] = dict.fromkeys(PLACES)
         self.turns = dict.fromkeys(PLACES, 0)
+        self.watch = RecordingWatch()
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(place,), name=place, daemon=True) for place in PLACES
@@ -77,12 +83,10 @@ class Workshop:
         for thread in self._threads:
             thread.start()
 
-    @property
-    def recording(self) -> bool:
-        """Whether frames are recorded now that must not be missed."""
-        running = self.running["bench"]
-        progress = None if running is None else self.jobs.get(running).progress
-        return progress is not None and progress.unit == "frames" and progress.done < progress.total
+    def looks(self) -> int:
+        """How often the bench's job has looked whether it is to stop."""
+        control = self.controls.get(self.running["bench"] or "")
+        return 0 if control is None else control.stop_only.looks
 
     def wake(self) -> None:
         """Look whether a job can begin; waits for nobody."""
@@ -135,7 +139,8 @@ class Workshop:
                 return None
             job_id = job.id
             self.running[place] = job_id
-            control = JobControl(lambda paused: self._paused(job_id, paused), self._at_rest)
+            at_once = self._at_rest if place == "bench" else _nothing  # the desk moves nothing
+            control = JobControl(lambda paused: self._paused(job_id, paused), at_once)
             self.controls[job_id] = control
             return job, control
 
@@ -151,10 +156,12 @@ class Workshop:
         with bind_job(job.id):
             with self.turn:
                 if job.place == "bench" and not self._states.send_if_allowed("start", f"job {job.id}"):
-                    return  # the state has changed since; it stays in line
+                    self._put_back(job, control)
+                    return
                 self.jobs.change(job.id, status=JobStatus.RUNNING, started_at=utc_now(), ended_at=None)
             _LOG.info("job begins", recipe=job.recipe.recipe, operator=job.operator)
             ending: dict[str, Any] = {"status": JobStatus.DONE}
+            unsafe = False
             try:
                 control.require_going("before it began", job.next_step or 0)
                 self.require_possible(job.recipe, first_step=job.next_step or 0)
@@ -165,6 +172,7 @@ class Workshop:
                     self._do(job, control)
             except Exception as error:
                 ending = self._ended_by(error, job, control)
+                unsafe = isinstance(error, NotVentedError)
             with self.turn:
                 ended = self.jobs.change(job.id, ended_at=utc_now(), prompt=None, **ending)
                 self.controls.pop(job.id, None)
@@ -172,16 +180,19 @@ class Workshop:
                 self.live = None
             _LOG.info("job ended", status=ended.status.value, reason=ended.reason)
             if job.place == "bench":
-                self._rig_after(ended)
+                self._rig_after(ended, unsafe)
 
     def _do(self, job: JobDocument, control: JobControl) -> None:
         def work_of(name: str, prefix: str) -> Work:
+            self.jobs.begin_stretch(job.id)
             reporting = Reporting(
-                progress=lambda now, unit: self._progress(job.id, now, unit, prefix),
+                progress=lambda now, unit: self._progress(job, now, unit, prefix),
                 warn=lambda text: self.jobs.warn(job.id, f"{prefix}{text}"),
                 live=self._live,
             )
-            return Work(name, self._bench, self._files, self._prompts, control, reporting, self._reserve_bytes)
+            return Work(
+                name, self._bench, self._files, self._prompts, control, reporting, self._reserve_bytes, self.watch
+            )
 
         if isinstance(job.recipe, Campaign):
             state = CampaignState.of(job.next_step, dict(job.outputs), dict(job.figures))
@@ -199,24 +210,32 @@ class Workshop:
 
     def _ended_by(self, error: Exception, job: JobDocument, control: JobControl) -> dict[str, Any]:
         told = str(error) or type(error).__name__
+        if self._bench.latch.closed:  # the e-stop stops axes first, and says who it was when that is done
+            control.wait_aborted(_ESTOP_TELLS_S)
         step = {} if isinstance(job.recipe, Campaign) else _next_step(error)
         if self._ending:
             return {"status": JobStatus.INTERRUPTED, "reason": f"the daemon was stopped ({told})"} | step
         if control.aborted is not None:
             return {"status": JobStatus.ABORTED, "reason": f"{control.aborted} ({told})"} | step
-        if isinstance(error, ProcedureStoppedError):
+        if isinstance(error, ProcedureStoppedError) or (control.stopping and isinstance(error, MoveStoppedError)):
             return {"status": JobStatus.STOPPED, "reason": told} | step
         if not isinstance(error, BscdError | DeviceError | OSError | ValueError):
             _LOG.exception("a mistake in the program ended the job")
             told = f"a mistake in the program: {type(error).__name__}: {told}; see the log"
         return {"status": JobStatus.FAILED, "reason": told}
 
-    def _rig_after(self, job: JobDocument) -> None:
-        lost = [name for name, axis in self._bench.rig.axes.items() if not axis.status().connected] + [
-            name for name, camera in self._bench.rig.cameras.items() if not camera.status().connected
-        ]
-        if lost:
-            self._states.send_if_allowed("fail", f"{', '.join(lost)}: not connected any more; {job.reason}")
+    def _put_back(self, job: JobDocument, control: JobControl) -> None:
+        """The state has changed since it was taken: it stays in line, unless it was asked to end meanwhile."""
+        if not control.stopping:
+            return
+        status = JobStatus.STOPPED if control.aborted is None else JobStatus.ABORTED
+        self.jobs.change(job.id, status=status, reason=control.aborted or "stopped before it began", ended_at=utc_now())
+
+    def _rig_after(self, job: JobDocument, unsafe: bool) -> None:
+        lost = self._bench.lost()
+        if lost or unsafe:
+            gone = f"{', '.join(lost)}: not connected any more; " if lost else ""
+            self._states.send_if_allowed("fail", f"{gone}{job.reason}")
         self._states.send_if_allowed("finish", job.reason)
 
     def _paused(self, job_id: str, paused: bool) -> None:
@@ -229,9 +248,9 @@ class Workshop:
         with suppress(DeviceError):
             self._bench.vent()
 
-    def _progress(self, job_id: str, now: Progress, unit: str, prefix: str) -> None:
-        self.turns["bench"] += 1
-        self.jobs.progress(job_id, now, unit, prefix)
+    def _progress(self, job: JobDocument, now: Progress, unit: str, prefix: str) -> None:
+        self.turns[job.place] += 1
+        self.jobs.progress(job.id, now, unit, prefix)
 
     def _live(self, event: LiveEvent, document: LiveDocument | None) -> None:
         if document is not None:
@@ -239,6 +258,10 @@ class Workshop:
         told = live_event(event)
         if told is not None:
             self._events.publish("live", told)
+
+
+def _nothing() -> None:
+    pass
 
 
 def _next_step(error: Exception) -> dict[str, int]:

@@ -13,7 +13,14 @@ from bscd.hdf5.building import (
 from bscd.hdf5.growing import RESERVE_BYTES, GrowingFile, beginning, utc_now, utc_text
 from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
 from bscd.hdf5.nodes import dataset_at, group_at, text_at
-from bscd.hdf5.opening import clear_crash, create_file, damage_reported, open_to_continue, open_to_read
+from bscd.hdf5.opening import (
+    clear_crash,
+    create_file,
+    damage_reported,
+    is_left_open,
+    open_to_continue,
+    open_to_read,
+)
 from bscd.hdf5.reading import RecordedFile, read_identity
 from bscd.hdf5.states import FileState
 
@@ -33,6 +40,7 @@ __all__ = [
     "dataset_at",
     "describe",
     "group_at",
+    "is_left_open",
     "make_column",
     "make_entry",
     "make_group",

@@ -83,6 +83,11 @@ def abandon(file: h5py.File) -> None:
         file.close()
 
 
+def is_left_open(path: Path, kind: FileKind) -> bool:
+    """Whether a file is being written or its writer was killed. Raises `InputError` for what is no HDF5 file."""
+    return bool(_superblock(path, kind)[FLAGS] & OPEN_FOR_WRITE)
+
+
 def clear_crash(path: Path, kind: FileKind) -> bool:
     """Clear the mark that a killed writer left on a file; False when there is none. No data is touched.
 

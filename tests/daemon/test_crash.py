@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,17 @@ SCAN = {"recipe": "bsc-scan", "positions": 7, "step_mm": 4.0, "frames_per_positi
 STEPS, K = 8, 5
 FRAMES_A_FLUSH = 11
 
+#: The daemon's look at its devices, and how many are waited for to see that nothing moves.
+POLL_S, LOOKS = 0.1, 10
+
 
 def waited(client, recipe):
     return client.wait(client.submit(recipe).id)
+
+
+def axes(client):
+    """What the axes read now."""
+    return {name: device.reading for name, device in client.status().devices.items() if device.kind == "axis"}
 
 
 def nothing_moves(client):
@@ -29,16 +38,14 @@ def nothing_moves(client):
     assert before.state.value == "idle"
     assert "vented; nothing moved" in before.reason
     assert before.job is None
-    readings = {name: device.reading for name, device in before.devices.items() if device.kind == "axis"}
+    readings = axes(client)
     for device in before.devices.values():
         if device.kind == "axis":
             assert device.homed is False
             assert device.moving is False
     assert before.devices["pressure"].details["set_point_kpa"] == pytest.approx(0.0, abs=1e-3)
-    turns = before.revision
-    until(lambda: client.status().revision >= turns, "another look")
-    now = client.status().devices
-    assert {name: now[name].reading for name in readings} == readings
+    time.sleep(LOOKS * POLL_S)
+    assert axes(client) == readings
 
 
 @pytest.mark.timeout(300)
@@ -109,6 +116,32 @@ def test_what_waited_in_line_waits_for_a_person(tmp_path):
         assert client.wait(queued.id).figures["up"]["jacks_mm"] == pytest.approx(70.5, abs=0.3)
 
 
+@pytest.mark.timeout(200)
+def test_a_campaign_goes_on_at_the_step_that_was_cut_off(tmp_path):
+    slow = {"\nspeed_mm_s = 20.0": "\nhomed_at_start = true\nspeed_mm_s = 0.5"}
+    config = configuration(tmp_path, 320, slow)
+    steps = [
+        {"name": name, "do": {"recipe": "move", "axis": "jacks", "position": position}}
+        for name, position in {"first": 70.5, "second": 74.0, "third": 73.5}.items()
+    ]
+    with serving(config) as served, Client(served.url) as client:
+        idle(client)
+        job = client.submit({"recipe": "campaign", "steps": steps})
+        until(lambda: (p := client.job(job.id).progress) is not None and "step 2 of 3" in p.doing, "the second step")
+        served.kill()
+    with serving(config) as served, Client(served.url) as client:
+        idle(client)
+        after = client.job(job.id)
+        assert (after.status, after.next_step) == (JobStatus.INTERRUPTED, 1)
+        assert after.figures["first"]["jacks_mm"] == pytest.approx(70.5, abs=0.3)
+        assert client.status().job is None
+        client.resume_from(job.id)
+        over = client.wait(job.id)
+        assert (over.status, over.next_step) == (JobStatus.DONE, 3)
+        assert over.figures["third"]["jacks_mm"] == pytest.approx(73.5, abs=0.3)
+        assert over.figures["first"] == after.figures["first"]  # it was not done again
+
+
 @pytest.fixture
 def emulated(tmp_path):
     """A rig behind its wires in a process of its own, which goes on when the daemon is killed."""
@@ -145,6 +178,7 @@ def test_an_inflation_is_recovered_and_the_real_regulator_is_vented(emulated, tm
         assert not progressed(client, job, 5 * FRAMES_A_FLUSH).status.ended
         until(lambda: (client.status().pressure_kpa or 0.0) > 0.5, "pressure")
         done = client.job(job.id).progress.done
+        readings = axes(client)
         served.kill()
     with serving(emulated) as served, Client(served.url) as client:
         idle(client)
@@ -152,6 +186,9 @@ def test_an_inflation_is_recovered_and_the_real_regulator_is_vented(emulated, tm
         assert "vented; nothing moved" in status.reason
         assert status.devices["pressure"].details["set_point_kpa"] == pytest.approx(0.0, abs=0.01)
         until(lambda: abs(client.status().pressure_kpa) < 0.1, "the membrane's vent")
+        assert axes(client) == pytest.approx(readings, abs=1e-3)  # the stages lived on, and were left where they were
+        time.sleep(LOOKS * POLL_S)
+        assert axes(client) == pytest.approx(readings, abs=1e-3)
         after = client.job(job.id)
         assert after.status is JobStatus.INTERRUPTED
         (path,) = (tmp_path / "data/runs").glob(f"*{job.id}*.h5")

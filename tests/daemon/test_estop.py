@@ -23,17 +23,31 @@ def at_rest_and_vented(daemon):
     return not any(axis.status().moving for axis in daemon.bench.rig.axes.values()) and pressure.set_point_kpa() == 0.0
 
 
-@pytest.mark.parametrize("state", ["offline", "idle", "moving", "waiting", "paused", "fault", "e-stopped"])
+STATES = ["offline", "connecting", "idle", "moving", "waiting", "pausing", "paused", "stopping", "fault", "e-stopped"]
+
+
+@pytest.mark.parametrize("state", STATES)
 def test_in_every_state_it_stops_vents_and_latches(tmp_path, state):
     with small_daemon(
         tmp_path, sensor_px=320, virtual=False, attended=True, connected=state != "offline", changes=SLOW
     ) as daemon:
-        job = None
+        job, slow, connecting = None, threading.Event(), None
         if state != "offline":
             daemon.bench.rig.pressure.set_pressure(5.0)
-        if state == "moving":
+        if state in ("moving", "pausing", "stopping"):
             job = daemon.submit(recipe("move", axis="jacks", position=80.0), "test")
             until(lambda: daemon.bench.rig.jacks.status().moving, "the move")
+            if state != "moving":
+                ask = daemon.pause_job if state == "pausing" else daemon.stop_job
+                ask(job.id, "test")  # a move has no safe point before its end
+                assert daemon.states.state.value == state
+        elif state == "connecting":
+            daemon.disconnect("test")
+            connect = daemon.bench.drivers["rotation"].connect
+            daemon.bench.drivers["rotation"].connect = lambda: (slow.wait(30.0), connect())
+            connecting = threading.Thread(target=daemon.connect, args=("test",))
+            connecting.start()
+            until(lambda: daemon.states.state is RigState.CONNECTING, "connecting")
         elif state in ("waiting", "paused"):
             job = daemon.submit(recipe("home", prompt="hands off?"), "test")
             until(lambda: daemon.job(job.id).status is JobStatus.WAITING, "the question")
@@ -49,13 +63,17 @@ def test_in_every_state_it_stops_vents_and_latches(tmp_path, state):
         assert told.latched
         assert told.by == "anna: it smells"
         assert daemon.states.state is RigState.ESTOPPED
+        slow.set()
+        if connecting is not None:
+            connecting.join(30.0)
+            assert daemon.states.state is RigState.ESTOPPED
         if state != "offline":
             until(lambda: at_rest_and_vented(daemon), "rest")
         if job is not None:
             over = ended(daemon, job)
             assert over.status is JobStatus.ABORTED
             assert "e-stop by anna" in over.reason
-        if state in ("idle", "moving", "waiting", "paused"):
+        if state not in ("offline", "connecting", "fault", "e-stopped"):
             assert told.failures == ()
         with pytest.raises(IllegalRequestError, match="the state is e-stopped, allowed now: estop, reset"):
             daemon.submit(recipe("home"), "test")
@@ -108,7 +126,7 @@ def test_a_motion_that_was_let_through_just_before_is_stopped_again():
         assert count >= 2
         with pytest.raises(EmergencyStoppedError), latch.motion("jacks", "a move"):
             pass
-        estop.reset()
+        assert estop.reset(estop.triggers())
         with latch.motion("jacks", "a move"):
             assert latch.under_way("jacks")
     finally:
@@ -155,7 +173,8 @@ def test_its_own_listener(listener):
     status, told = ask(port, "POST", "/estop", "right")
     assert (status, told["latched"]) == (200, True)
     assert estop.latched
-    assert ask(port, "GET", "/estop")[1]["latched"] is True
+    assert ask(port, "GET", "/estop")[0] == 401
+    assert ask(port, "GET", "/estop", "right")[1]["latched"] is True
 
 
 def test_a_client_that_says_nothing_keeps_nobody_waiting(listener):

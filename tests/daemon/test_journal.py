@@ -14,7 +14,7 @@ from sqlalchemy import text
 
 from bscd.daemon.documents import JobDocument, JobStatus, PromptDocument
 from bscd.daemon.errors import UnknownNameError
-from bscd.daemon.journal import KEY_LIFE_S, Journal, JournalError
+from bscd.daemon.journal import KEY_LIFE_S, Journal, JournalError, RequestKey
 from bscd.daemon.journal_file import VERSION, opened
 from bscd.daemon.recipes import Home
 from bscd.errors import InputError
@@ -117,7 +117,7 @@ def test_the_audit_tells_who_asked_for_what_and_when(tmp_path):
 def test_an_idempotency_key_is_known_for_a_day(tmp_path):
     now, path = [1000.0], tmp_path / "journal.sqlite"
     with closing(Journal(path, now_s=lambda: now[0])) as journal:
-        journal.remember("k", "print", "job-1")
+        journal.save(job(1), RequestKey("k", "print"))
         assert journal.recall("other") is None
         now[0] += KEY_LIFE_S - 1.0
         assert journal.recall("k") == ("print", "job-1")
@@ -125,18 +125,17 @@ def test_an_idempotency_key_is_known_for_a_day(tmp_path):
     with closing(Journal(path, now_s=lambda: now[0])) as journal:
         assert journal.recall("k") is None
         assert asked(path, "SELECT key FROM idempotency") == [("k",)]
-        journal.remember("new", "print", "job-2")
+        journal.save(job(2), RequestKey("new", "print"))
         assert asked(path, "SELECT key FROM idempotency") == [("new",)]  # the old one takes no room any more
-        journal.remember("k", "other print", "job-3")
+        journal.save(job(3), RequestKey("k", "other print"))
         assert journal.recall("k") == ("other print", "job-3")
 
 
 def test_many_threads_lose_nothing(journal):
     def work(first):
         for number in range(first, first + 10):
-            journal.save(job(number))
+            journal.save(job(number), RequestKey(f"key-{number}", "print"))
             journal.audit(f"thread {first}", "POST", f"job-{number}", "202")
-            journal.remember(f"key-{number}", "print", f"job-{number}")
             journal.save(job(number, JobStatus.DONE))
             assert journal.job(f"job-{number}").status is JobStatus.DONE
             assert journal.recall(f"key-{number}") == ("print", f"job-{number}")

@@ -12,12 +12,15 @@ from contextlib import ExitStack
 
 import pytest
 
+from bscd.acquisition import RunWriter
 from bscd.api.server import Server, listening
 from bscd.client import Client
+from bscd.daemon.documents import JobStatus
 from bscd.daemon.estop_listener import EStopListener
 from bscd.daemon.watchdog import Watchdog, notify, period_s
+from bscd.procedures import Progress
 from tests.api.serving import configuration, idle, serving
-from tests.daemon.small import WAIT_S, small_daemon
+from tests.daemon.small import WAIT_S, done, ended, recipe, small_daemon, until
 
 
 @pytest.fixture(params=["path", "abstract"])
@@ -127,3 +130,86 @@ def test_a_blocked_event_loop_stops_the_pings_and_not_the_e_stop(tmp_path, syste
         assert connection.getresponse().status == 200
         connection.close()
         assert daemon.estop.latched
+
+
+def counted(daemon, name, seconds):
+    """By how much a counter grows."""
+    counter = daemon.progress()[name]
+    before = counter()
+    time.sleep(seconds)
+    return counter() - before
+
+
+def test_a_recorder_that_stands_still_is_told_also_beside_a_busy_desk(tmp_path, monkeypatch):
+    stuck, go = threading.Event(), threading.Event()
+    append = RunWriter.append
+
+    def hanging(self, record):
+        if self.frames_written > 15:
+            stuck.set()
+            go.wait(WAIT_S)
+        append(self, record)
+
+    monkeypatch.setattr(RunWriter, "append", hanging)
+    given = {"rest_frames": 3, "ramp_s": 10.0, "hold_s": 1.0, "top_kpa": 2.0, "rest_settle_s": 0.2}
+    with small_daemon(tmp_path, sensor_px=320, virtual=False) as daemon:
+        done(daemon, "home")
+        job = daemon.submit(recipe("inflation", inflation=given), "test")
+        assert stuck.wait(WAIT_S)
+        until(lambda: daemon.job(job.id).progress.done > 20, "frames that wait for the disk")
+        desk = daemon.job(job.id).model_copy(update={"place": "desk"})
+        working = threading.Event()
+
+        def busy():
+            while not working.wait(0.05):
+                daemon.engine.shop._progress(desk, Progress(1, 2, "at the desk"), "images", "")
+
+        thread = threading.Thread(target=busy)
+        thread.start()
+        assert counted(daemon, "recorder", 1.5) == 0
+        assert counted(daemon, "engine", 0.5) > 0  # the procedure goes on: lost frames are counted
+        go.set()
+        until(lambda: counted(daemon, "recorder", 0.3) > 0, "the recorder")
+        working.set()
+        thread.join()
+        daemon.stop_job(job.id, "test")
+        ended(daemon, job)
+
+
+def test_a_procedure_that_stands_still_while_frames_come_is_told(tmp_path):
+    given = {"rest_frames": 3, "ramp_s": 10.0, "hold_s": 1.0, "top_kpa": 2.0, "rest_settle_s": 0.2}
+    with small_daemon(tmp_path, sensor_px=320, virtual=False) as daemon:
+        done(daemon, "home")
+        job = daemon.submit(recipe("inflation", inflation=given), "test")
+        until(lambda: (p := daemon.job(job.id).progress) is not None and p.done > 10, "frames")
+        assert counted(daemon, "engine", 0.5) > 0
+        go, source = threading.Event(), daemon.bench.drivers["pressure"]
+        readings = source.read
+        source.read = lambda: (go.wait(WAIT_S), readings())[1]
+        counted(daemon, "engine", 0.5)  # what it was about
+        assert counted(daemon, "engine", 1.5) == 0
+        go.set()
+        source.read = readings
+        daemon.stop_job(job.id, "test")
+        ended(daemon, job)
+
+
+def test_a_question_after_a_burst_is_waited_for_in_good_health(tmp_path):
+    given = {"rest_frames": 3, "ramp_s": 20.0, "hold_s": 1.0, "top_kpa": 8.0, "rest_settle_s": 0.2}
+    steps = [
+        {"name": "i", "do": {"recipe": "inflation", "specimen": None, "inflation": given}},
+        {"name": "h", "do": {"recipe": "home", "prompt": "is the membrane away?"}},
+    ]
+    with small_daemon(tmp_path, sensor_px=320, virtual=False, attended=True) as daemon:
+        done(daemon, "home")
+        job = daemon.submit(recipe("campaign", steps=steps), "test")
+        until(lambda: (p := daemon.job(job.id).progress) is not None and p.done > 60, "pressure")
+        source = daemon.bench.drivers["pressure"]
+        source.set_pressure = lambda kpa: None
+        source.vent()  # as a membrane that bursts
+        until(lambda: daemon.job(job.id).status is JobStatus.WAITING, "the question")
+        assert daemon.job(job.id).progress is None
+        for name in daemon.progress():
+            assert counted(daemon, name, 1.3) > 0, name
+        daemon.stop_job(job.id, "test")
+        ended(daemon, job)

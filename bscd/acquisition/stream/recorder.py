@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 
+from bscd.acquisition.names import RECORDER
 from bscd.acquisition.stream.losses import FrameAccount
 from bscd.acquisition.stream.ring import FrameRing
 from bscd.acquisition.stream.subscription import Keep
@@ -39,7 +40,7 @@ class Recorder:
         self._writer = writer
         self._ring = ring
         self._account = account
-        self._frames = ring.subscribe("recorder", Keep.ALL)
+        self._frames = ring.subscribe(RECORDER, Keep.ALL)
         self._notes: deque[Callable[[], None]] = deque()
         self._handled = 0
         self._progress = threading.Condition()

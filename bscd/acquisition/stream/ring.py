@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from bscd.acquisition.records import FrameRecord
-from bscd.acquisition.stream.subscription import FrameLease, Keep, Subscription
+from bscd.acquisition.stream.subscription import ConsumerCounts, FrameLease, Keep, Subscription
 from bscd.errors import BscdError
 from bscd.shared_frames import SharedBuffers
 
@@ -70,6 +70,11 @@ class FrameRing:
         """Frames published, and refused because no buffer was free."""
         with self._changed:
             return self._published, self._refused
+
+    def counts_of(self, name: str) -> ConsumerCounts | None:
+        """What a consumer was offered and took; None when there is none of that name."""
+        with self._changed:
+            return next((one.counts() for one in self._subscriptions if one.name == name), None)
 
     def subscribe(self, name: str, keep: Keep, depth: int = 1) -> Subscription:
         """Add a consumer that holds ``depth`` buffers at most (with `Keep.ALL` as many as there are).

@@ -148,6 +148,7 @@ def run_inflation(recipe: Inflation, work: Work) -> None:
         "progress": work.progress("frames"),
         "stop": work.control.stop_only,  # a membrane under pressure does not wait
         "storing": Storing(compression=recipe.compression, reserve_bytes=work.reserve_bytes),
+        "followers": (work.watch,),
     }
     if recipe.calibration is None:
         done = record_inflation(bench.rig, inflation, work.making("run"), **how)

@@ -9,6 +9,19 @@ from bscd.procedures import PausableStop
 from bscd.procedures.progress import require_going
 
 
+class WatchedStop(threading.Event):
+    """A request to stop that counts how often it is looked at: whoever follows it is alive."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looks = 0
+
+    def is_set(self) -> bool:
+        """Whether it was asked for."""
+        self.looks += 1
+        return super().is_set()
+
+
 class JobControl:
     """``pausable`` goes to procedures that have safe points; ``stop_only`` to those that must not stand still.
 
@@ -17,14 +30,19 @@ class JobControl:
 
     def __init__(self, on_pause: Callable[[bool], None], at_once: Callable[[], None]) -> None:
         self.pausable = PausableStop(on_pause)
-        self.stop_only = threading.Event()
+        self.stop_only = WatchedStop()
         self._at_once = at_once
         self._reason: str | None = None
+        self._aborted = threading.Event()
 
     @property
     def aborted(self) -> str | None:
         """Why it was ended at once, None when it was not."""
         return self._reason
+
+    def wait_aborted(self, timeout_s: float) -> None:
+        """Wait for an `abort` that is on its way."""
+        self._aborted.wait(timeout_s)
 
     @property
     def stopping(self) -> bool:
@@ -48,6 +66,7 @@ class JobControl:
         """End now: what moves is stopped where it is."""
         if self._reason is None:
             self._reason = reason
+        self._aborted.set()
         self.stop()
         self._at_once()
 

@@ -12,6 +12,7 @@ from bscd.daemon.documents import LiveDocument
 from bscd.daemon.files import DataFolder, FileKind
 from bscd.daemon.prompts import Prompts
 from bscd.daemon.running.control import JobControl
+from bscd.daemon.running.recording_watch import RecordingWatch
 from bscd.procedures import Progress
 from bscd.procedures.live.messages import LiveEvent
 
@@ -43,6 +44,7 @@ class Work:
     control: JobControl
     reporting: Reporting
     reserve_bytes: int
+    watch: RecordingWatch
     earlier: Made = field(default_factory=dict)
     first_step: int | None = None
     outputs: dict[str, str] = field(default_factory=dict)
