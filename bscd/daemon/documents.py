@@ -136,7 +136,10 @@ class LeaseDocument(Document):
 
 
 class LiveDocument(Document):
-    """The last live map of the inflation that runs: its frame, how many points it has, its largest w and latency."""
+    """The last live map of the inflation that runs: its frame, how many points it has, its largest w and latency.
+
+    ``behind`` is how many frames have come since.
+    """
 
     frame: int
     points: int

@@ -216,6 +216,6 @@ def _live(event: LiveEvent, work: Work) -> None:
             valid=event.valid,
             w_max_mm=None if math.isnan(event.w_max_mm) else event.w_max_mm,
             latency_s=event.latency_s,
-            behind=0,
+            behind=max(work.watch.frames - event.number - 1, 0),
         )
     work.reporting.live(event, document)

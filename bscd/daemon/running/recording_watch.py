@@ -28,10 +28,15 @@ class RecordingWatch:
         self._ring = None
 
     @property
+    def frames(self) -> int:
+        """Frames that have come in the recording that goes on."""
+        ring = self._ring
+        return 0 if ring is None else ring.counts[0]
+
+    @property
     def streaming(self) -> bool:
         """Whether frames come that must not be missed: from the first one to the end."""
-        ring = self._ring
-        return ring is not None and ring.counts[0] > 0
+        return self.frames > 0
 
     def progress(self, turns: int) -> int:
         """Grows with ``turns`` while no frame waits for the disk, else with the frames that the recorder takes."""
