@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+DEV = Path("/dev")
+
 
 def by_id(folder: str) -> list[str]:
     """The names in ``/dev/FOLDER/by-id`` and what they stand for now, a line each; none without udev."""
-    names = Path("/dev") / folder / "by-id"
+    names = DEV / folder / "by-id"
     if not names.is_dir():
         return []
     return [f"{name} ({name.resolve()})" for name in sorted(names.iterdir())]

@@ -14,11 +14,23 @@ from bscd.config import DeviceConfig, RigConfig, load_config
 from bscd.config.load import DEVICE_KINDS
 from drivers.clock import HostClock
 from drivers.errors import DeviceError
-from drivers.interfaces import Camera, PressureSource
+from drivers.interfaces import Axis, Camera, PressureSource
+from drivers.operator import Question
 from drivers.ports import serial_ports
 from drivers.registry import DriverContext, installed_drivers
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
+
+
+class Onlooker:
+    """A `drivers.operator.Operator` for whom there is nothing to do: a look asks nothing and leaves the rig alone."""
+
+    def ask(self, question: Question) -> None:
+        """Answer nothing."""
+        question.withdraw()
+
+    def tell(self, device: str, text: str) -> None:
+        """Pass nothing on: what a driver has the operator do when it closes is for who works with it."""
 
 
 def register(app: typer.Typer) -> None:
@@ -29,7 +41,9 @@ def register(app: typer.Typer) -> None:
         config: Annotated[Path, typer.Option(help="The rig's configuration.")] = DEFAULT_CONFIG,
         found: Annotated[bool, typer.Option(help="List what can be seen as well.")] = True,
     ) -> None:
-        """Connect to every configured device and say what answers; nothing moves. Exit code 1 if one does not.
+        """Connect to every configured device and say what answers; nothing changes. Exit code 1 if one does not.
+
+        What another program does with the rig goes on.
 
         Example: bscd devices --config rig.toml
         """
@@ -86,7 +100,8 @@ def _ask(name: str, section: DeviceConfig, clock: HostClock, world: Any) -> tupl
     begin = f"  {name:<12} {section.driver:<20} "
     device = None
     try:
-        device = installed_drivers()[section.driver].factory(section.options, DriverContext(name, clock, world))
+        context = DriverContext(name, clock, world, Onlooker())
+        device = installed_drivers()[section.driver].factory(section.options, context)
         device.connect()
         text, well = _told(device)
         return begin + text, well
@@ -94,7 +109,8 @@ def _ask(name: str, section: DeviceConfig, clock: HostClock, world: Any) -> tupl
         hint = f"; {error.hint}" if error.hint else ""
         return f"{begin}NO ANSWER: {error.doing}{hint}", False
     finally:
-        if device is not None:
+        # an axis is stopped by its closing, whoever moves it: its line ends with this process
+        if device is not None and not isinstance(device, Axis):
             with suppress(DeviceError):
                 device.close()
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, Literal
@@ -15,17 +16,21 @@ import typer
 from bscd.acquisition import Compression
 from bscd.calibration import Calibration
 from bscd.cli.following import following
-from bscd.cli.live import live_progress, told_live
+from bscd.cli.live import live_bytes, live_progress, told_live
+from bscd.cli.terminal_operator import TerminalOperator
 from bscd.composition import build_devices, build_world
 from bscd.config import RigConfig, parse_config
 from bscd.errors import CheckFailedError, InputError
-from bscd.procedures import Rig
+from bscd.procedures import Progress, ProgressCallback, Rig
 from bscd.procedures.live import record_and_measure
 from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.recording import Ending, InflationRecipe, Recording, Storing, record_inflation
+from bscd.procedures.recording.signals import ENDING_SIGNALS
 from drivers.clock import Clock, HostClock
+from drivers.operator import Operator
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
+MANUAL_JACKS = "axis.manual"
 
 
 def register(app: typer.Typer) -> None:
@@ -62,6 +67,8 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Record an inflation: frames at rest, the ramp, the hold, the vent. Ctrl-C ends it early, vented.
 
+        Lab jacks that are turned by hand ask for their height at the terminal.
+
         Example: bscd record inflation.h5 --config rig.toml --top 13 --duration 10 --calibration calibration.h5
         """
         if calibration is None and (results is not None or step is not None):
@@ -87,10 +94,13 @@ def register(app: typer.Typer) -> None:
             )
         except ValueError as err:  # pydantic's tells a line for each
             raise InputError(_told(err)) from err
-        how: dict[str, Any] = {"config_text": text, "storing": Storing(compression=compression, sync=sync)}
+        storing = Storing(compression=compression, sync=sync)
+        how: dict[str, Any] = {"config_text": text, "storing": storing}
+        stop = threading.Event()
+        connected = rig_of(chosen, rest_kpa=rest, operator=TerminalOperator(stop))
         if calibration is None:
-            with rig_of(chosen, rest_kpa=rest) as rig, stopping() as stop, following("Inflation", "frames") as progress:
-                done = record_inflation(rig, recipe, out, progress=progress, stop=stop, **how)
+            with connected as rig, stopping(stop), following("Inflation", "frames") as progress:
+                done = record_inflation(rig, recipe, out, progress=unheard(progress), stop=stop, **how)
             typer.echo(_summary(done, recipe))
             return
         loaded = Calibration.load(calibration)
@@ -98,7 +108,8 @@ def register(app: typer.Typer) -> None:
             step_px=step or chosen.dic.step_px, subset_px=chosen.dic.subset_px, phase="inflation"
         )
         kept = results or out.with_name(f"{out.stem}-result.h5")
-        with rig_of(chosen, rest_kpa=rest) as rig, stopping() as stop, live_progress() as (progress, on_event):
+        with connected as rig, stopping(stop), live_progress() as (progress, on_event):
+            how["storing"] = replace(storing, beside_bytes=live_bytes(rig, recipe, settings, out, kept))
             done, measured = record_and_measure(
                 rig,
                 recipe,
@@ -109,7 +120,7 @@ def register(app: typer.Typer) -> None:
                 calibration_name=calibration.name,
                 workers=workers,
                 on_event=on_event,
-                progress=progress,
+                progress=unheard(progress),
                 stop=stop,
                 **how,
             )
@@ -120,10 +131,13 @@ def register(app: typer.Typer) -> None:
 
 
 @contextmanager
-def rig_of(config: RigConfig, clock: Clock | None = None, *, rest_kpa: float = 0.0) -> Iterator[Rig]:
-    """The configured rig, connected; with a [twin] the twin, its axes homed and the membrane on its stage.
+def rig_of(
+    config: RigConfig, clock: Clock | None = None, *, rest_kpa: float = 0.0, operator: Operator | None = None
+) -> Iterator[Rig]:
+    """The configured rig, connected and vented; with a [twin] the twin, its axes homed and the membrane on its stage.
 
-    The twin's image at ``rest_kpa`` is rendered at once: it takes longer than a frame may.
+    ``operator`` is asked for the height of lab jacks that are turned by hand. The twin's image at ``rest_kpa`` is
+    rendered at once: it takes longer than a frame may.
     """
     clock = clock or HostClock()
     with ExitStack() as ends:
@@ -134,7 +148,7 @@ def rig_of(config: RigConfig, clock: Clock | None = None, *, rest_kpa: float = 0
             ends.callback(world.close)
             world.place("membrane")
         rig = Rig(
-            **build_devices(config, clock, world),
+            **build_devices(config, clock, world, operator),
             clock=clock,
             origin_mm=config.scan.origin_mm,
             raised_mm=config.prism.raised_mm,
@@ -142,6 +156,10 @@ def rig_of(config: RigConfig, clock: Clock | None = None, *, rest_kpa: float = 0
         )
         ends.callback(rig.close)
         rig.connect()
+        if rig.pressure is not None and rig.pressure.info().can_set:
+            rig.pressure.vent()  # of what a program that crashed has left
+        if config.devices.jacks.driver == MANUAL_JACKS:
+            rig.jacks.home()  # nothing turns: the height is asked for, which nobody knows as yet
         if world is not None:
             world.irradiance("primary", world.state()._replace(pressure_kpa=rest_kpa))
         yield rig
@@ -159,21 +177,34 @@ def _homed(config: RigConfig) -> RigConfig:
 
 
 @contextmanager
-def stopping() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set; a second one ends the program at once."""
-    stop = threading.Event()
+def stopping(stop: threading.Event) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and a terminal that is closed set the event; once more ends the program, when it is vented."""
+    came: set[int] = set()
 
     def asked(number: int, frame: FrameType | None) -> None:
-        if stop.is_set():
+        if number in came:
             raise KeyboardInterrupt
+        came.add(number)
         stop.set()
 
-    before = {number: signal.signal(number, asked) for number in (signal.SIGINT, signal.SIGTERM)}
+    # nohup has SIGHUP ignored
+    heeded = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, asked) for number in heeded}
     try:
-        yield stop
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def unheard(progress: ProgressCallback) -> ProgressCallback:
+    """The same, which goes on without a word when the terminal or whoever read it is gone."""
+
+    def report(now: Progress) -> None:
+        with suppress(OSError):
+            progress(now)
+
+    return report
 
 
 def _told(err: ValueError) -> str:

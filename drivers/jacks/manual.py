@@ -197,14 +197,16 @@ class ManualJacks:
         with self._asking:
             self._question = question
             interrupted = self._interrupted
-        if interrupted:
+        try:
+            if interrupted:
+                question.withdraw()
+            else:
+                self._reach(doing).ask(question)
+            state = question.wait(self._clock, timeout_s)
+        finally:
             question.withdraw()
-        else:
-            self._reach(doing).ask(question)
-        state = question.wait(self._clock, timeout_s)
-        question.withdraw()
-        with self._asking:
-            self._question = None
+            with self._asking:
+                self._question = None
         if question.value is not None:
             return question.value
         if state is QuestionState.WITHDRAWN:

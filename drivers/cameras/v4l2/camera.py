@@ -37,6 +37,7 @@ class V4l2Camera:
         self._open_capture = open_capture
         self._settings = Settings(options.exposure_s, options.gain_db, options.frame_rate_hz)
         self._opening = threading.RLock()
+        self._commanding = threading.Lock()  # held through a snap, so taken before `_opening` and never by `close`
         self._connection: Connection | None = None
         self._stream: Stream | None = None
         self._counts = (0, 0)
@@ -94,34 +95,37 @@ class V4l2Camera:
         given = {"exposure_s": exposure_s, "gain_db": gain_db, "frame_rate_hz": frame_rate_hz}
         changes = {key: value for key, value in given.items() if value is not None}
         doing = "setting " + ", ".join(f"{key} = {value:g}" for key, value in changes.items())
-        connection = self._connected(doing)
-        settings = replace(connection.settings, **changes)
-        self._require_possible(settings, doing)
-        if changes:
-            connection.set(settings)
-            self._settings = connection.settings
+        with self._opening:
+            connection = self._connected(doing)
+            settings = replace(connection.settings, **changes)
+            self._require_possible(settings, doing)
+            if changes:
+                connection.set(settings)
+                self._settings = connection.settings
 
     def snap(self, timeout_s: float = 5.0) -> Frame:
-        """One frame whose exposure began after this call, by its time stamp."""
+        """One frame whose exposure began after this call, by its time stamp; another snap or start waits for it."""
         doing = "taking a frame"
-        connection = self._connected(doing)
-        if self._stream is not None:
-            raise DeviceBusyError(self.name, f"{doing}: it is streaming", "read the stream, or stop it first")
-        stream = connection.open_stream(1)
-        self._counts = (0, 1)
-        try:
-            frame = stream.queue.get(timeout_s)
-        finally:
-            connection.end_stream(stream)
-        if frame is None:
-            raise self._no_frame(connection, doing, timeout_s)
-        self._counts = (1, 0)
-        return frame
+        with self._commanding:
+            connection = self._connected(doing)
+            if self._stream is not None:
+                raise DeviceBusyError(self.name, f"{doing}: it is streaming", "read the stream, or stop it first")
+            stream = connection.open_stream(1)
+            self._counts = (0, 1)
+            try:
+                frame = stream.queue.get(timeout_s)
+            finally:
+                connection.end_stream(stream)
+            if frame is None:
+                self._connected(doing)
+                raise self._no_frame(connection, doing, timeout_s)
+            self._counts = (1, 0)
+            return frame
 
     def start(self) -> None:
         """Begin to hand over the frames."""
         doing = "starting the stream"
-        with self._opening:
+        with self._commanding, self._opening:
             connection = self._connected(doing)
             if self._stream is not None:
                 raise DeviceBusyError(self.name, f"{doing}: it is streaming already", "stop it first")

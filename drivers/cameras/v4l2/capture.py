@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,8 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.cameras.v4l2.availability import require_free
 from drivers.cameras.v4l2.options import BITS, V4l2Options
-from drivers.errors import NotConnectedError, OutOfLimitsError
+from drivers.errors import DeviceBusyError, NotConnectedError, OutOfLimitsError
 
 EXPOSURE_STEP_S = 1e-4
 _MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
@@ -51,7 +54,13 @@ OpenCapture = Callable[[str], Capture]
 
 
 def open_v4l2(path: str) -> Capture:
-    """OpenCV's capture of a V4L2 device."""
+    """OpenCV's capture of a V4L2 device. Raises `OSError` with the kernel's reason when it can not be had.
+
+    What OpenCV would write to stderr besides is told by our errors; ``OPENCV_LOG_LEVEL`` brings it back.
+    """
+    require_free(path)
+    if "OPENCV_LOG_LEVEL" not in os.environ:
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
     return cv2.VideoCapture(path, cv2.CAP_V4L2)
 
 
@@ -67,9 +76,13 @@ class Settings:
 def open_camera(open_capture: OpenCapture, options: V4l2Options, name: str) -> Capture:
     """The device, open and in its format.
 
-    Raises `NotConnectedError` when it can not be opened, `OutOfLimitsError` when it does not take size or format.
+    Raises `NotConnectedError` when it can not be opened, `DeviceBusyError` when another program has it,
+    `OutOfLimitsError` when it does not take size or format.
     """
-    capture = open_capture(options.device)
+    try:
+        capture = open_capture(options.device)
+    except OSError as error:
+        raise _not_opened(name, options.device, error) from error
     if not capture.isOpened():
         capture.release()
         hint = "check the path (ls /dev/v4l/by-id), the group video, and that no other program has it"
@@ -116,19 +129,49 @@ def time_stamp_ns(capture: Capture) -> int | None:
     return round(1e6 * stamp_ms) if stamp_ms > 0 else None
 
 
+def grabbed(capture: Capture) -> bool:
+    """Whether another image came; OpenCV may also raise, when the driver's buffer is not what it was."""
+    try:
+        return capture.grab()
+    except cv2.error:
+        return False
+
+
 def grey_image(capture: Capture, options: V4l2Options) -> Grey | None:
     """The image grabbed last, read-only; None when it is not whole."""
-    whole, image = capture.retrieve()
-    if not whole or image is None:
+    try:
+        whole, image = capture.retrieve()
+        image = _luma(image) if whole and image is not None else None
+    except cv2.error:
         return None
-    if image.ndim == 3:
-        image = image[:, :, 0] if image.shape[2] < 3 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    kind = np.uint8 if BITS[options.pixel_format] == 8 else np.uint16
-    if image.shape != (options.height_px, options.width_px) or image.dtype != kind:
+    bits = BITS[options.pixel_format]
+    kind = np.uint8 if bits == 8 else np.uint16
+    if image is None or image.shape != (options.height_px, options.width_px) or image.dtype != kind:
+        return None
+    if 8 < bits < 16 and int(image.max()) >> bits:  # bits that the format does not have
         return None
     image = image.copy()  # OpenCV may use its own again
     image.setflags(write=False)
     return image
+
+
+def _luma(image: NDArray[Any]) -> NDArray[Any]:
+    """The grey levels of an image of one, two (YUYV) or three (BGR) channels; others as they are."""
+    if image.ndim != 3 or image.shape[2] == 0:
+        return image
+    return image[:, :, 0] if image.shape[2] < 3 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+def _not_opened(name: str, path: str, error: OSError) -> NotConnectedError | DeviceBusyError:
+    if error.errno == errno.EBUSY:
+        return DeviceBusyError(name, f"connecting: another program has {path}", "end that program")
+    if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
+        hint = "check its cable and the path (ls /dev/v4l/by-id)"
+        return NotConnectedError(name, f"connecting: there is no {path}", hint)
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return NotConnectedError(name, f"connecting: not allowed to open {path}", "add this user to the group video")
+    words = f"connecting: {path} can not be opened as a camera ({error.strerror})"
+    return NotConnectedError(name, words, "check the path (ls /dev/v4l/by-id)")
 
 
 def _code(letters: str) -> int:

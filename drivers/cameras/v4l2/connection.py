@@ -11,6 +11,7 @@ from drivers.cameras.v4l2.capture import (
     OpenCapture,
     Settings,
     apply,
+    grabbed,
     grey_image,
     open_camera,
     time_stamp_ns,
@@ -113,7 +114,7 @@ class Connection:
             capture = self._capture
             if capture is None:
                 self._look_again()
-            elif capture.grab():
+            elif grabbed(capture):
                 self._take(capture)
             else:
                 self._lose()

@@ -23,7 +23,8 @@ class LabJackT7Pressure:
 
     A sample above the ceiling, or one that a whole transducer can not read, vents at once; no pressure can be set
     until somebody has called `vent`. The T7's own watchdog is armed by the first pressure above 0 V and disarmed by
-    `close` once vented; between, at 0 V, it can do no harm, and `vent` has nothing to wait for but DAC0.
+    `close` once vented; between, at 0 V, it can do no harm, and `vent` has nothing to wait for but DAC0. A T7 serves
+    two programs: one that only looks leaves what the other has set.
     """
 
     def __init__(self, options: LabJackT7Options, context: DriverContext) -> None:
@@ -32,6 +33,7 @@ class LabJackT7Pressure:
         self._limits_kpa = Range(*options.limits_kpa)
         self._setting = threading.RLock()
         self._tripped = ""
+        self._has_set = False
         self._transducer = Transducer(context.name, options, context.clock, self._watch)
         self._watchdog = Watchdog(context.name, self._transducer.labjack, options.watchdog_s)
 
@@ -45,7 +47,10 @@ class LabJackT7Pressure:
         self._transducer.connect()
 
     def close(self) -> None:
-        """Vent and disarm the watchdog, as far as the LabJack answers, and close the connection."""
+        """Vent and disarm the watchdog, as far as the LabJack answers, and close the connection.
+
+        Neither is done where this object has set no pressure, armed nothing and not tripped.
+        """
         self._transducer.close(self._vent_or_log)
 
     def info(self) -> PressureInfo:
@@ -85,6 +90,7 @@ class LabJackT7Pressure:
                 raise DeviceFaultError(self.name, f"{doing}: {self._tripped}", "find the cause, then vent it")
             if volts > VENT_V:
                 self._watchdog.arm(doing)  # nothing to do, unless `close` came between
+            self._has_set = True  # also when the answer is lost
             self._transducer.labjack.set_dac_volts(volts, doing)
 
     def vent(self) -> None:
@@ -104,8 +110,11 @@ class LabJackT7Pressure:
 
     def _vent_or_log(self) -> None:
         with self._setting:
+            if not (self._has_set or self._tripped or self._watchdog.is_armed):
+                return
             try:
                 self.vent()
+                self._has_set = False
             except DeviceError as error:
                 by_itself = f"; the T7 vents {self._watchdog.timeout_s} s after" if self._watchdog.is_armed else ""
                 _LOG.warning("closed without venting: %s%s", error, by_itself)

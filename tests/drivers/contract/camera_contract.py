@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -94,6 +96,29 @@ class CameraContract:
         with pytest.raises(DeviceTimeoutError, match=ready.name):
             ready.snap(timeout_s=0.05)
         assert ready.snap().status is FrameStatus.OK
+
+    def test_snaps_from_many_threads_each_get_a_frame_of_their_own(self, ready: Camera):
+        frames = []
+        all_at_once(lambda: frames.append(ready.snap()), threads=4)
+        assert [frame.status for frame in frames] == [FrameStatus.OK] * 4
+        assert len({frame.frame_id for frame in frames}) == 4
+
+    def test_snaps_and_a_start_at_once_wait_for_each_other(self, ready: Camera):
+        """Each snap gives a frame or is told of the stream, and the stream gives its frames."""
+        turns = itertools.count()
+
+        def command() -> None:
+            if next(turns) == 2:
+                ready.start()
+                return
+            with suppress(DeviceBusyError):
+                assert ready.snap().status is FrameStatus.OK
+
+        all_at_once(command, threads=4)
+        assert ready.status().streaming
+        first, second = ready.read(), ready.read()
+        assert second.frame_id == first.frame_id + 1
+        ready.stop()
 
     def test_takes_settings(self, ready: Camera):
         gain_db = ready.info().gain_limits_db.high / 2.0

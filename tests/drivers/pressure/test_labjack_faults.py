@@ -1,6 +1,7 @@
-"""Whatever goes wrong between the driver and the LabJack ends in a named error in time, and is over when it ends.
+"""Whatever goes wrong between a driver and the LabJack ends in a named error in time, and is over when it ends.
 
-Meanwhile no pressure is told that is not true, no pressure goes above the ceiling, and samples that are missing count.
+What the sources with and without a regulator share is shown for both. Meanwhile no pressure is told that is not true,
+no pressure goes above the ceiling, and samples that are missing count.
 """
 
 import math
@@ -22,6 +23,7 @@ from drivers.errors import (
     UnsupportedError,
 )
 from drivers.pressure.labjack_t7 import LabJackT7Options, LabJackT7Pressure
+from drivers.pressure.manual import ManualPressure, ManualPressureOptions
 from drivers.registry import DriverContext
 from tests.drivers.contract.outcome import all_at_once
 from tests.drivers.pressure.rigs import ANSWER_TIMEOUT_S, LAG_S, REGULATOR, pressure_rig, settings
@@ -41,14 +43,37 @@ CALLS = {
     "set_pressure": lambda source: source.set_pressure(2.0),
     "vent": lambda source: source.vent(),
 }
+ASKING = {"labjack_t7": tuple(CALLS), "manual": ("read",)}
+"""The calls that ask the LabJack: the operator, not the LabJack, is asked for a pressure and told to vent."""
 
 
 @pytest.fixture
-def rig():
-    with pressure_rig() as rig:
+def kind():
+    return "labjack_t7"
+
+
+@pytest.fixture
+def rig(kind):
+    with pressure_rig(kind) as rig:
         rig.emulator.faults.late_s = LATE_S
         rig.driver.connect()
         yield rig
+
+
+either_kind = pytest.mark.parametrize("kind", ASKING)
+
+
+def bring_to(rig, pressure_kpa):
+    """Set a pressure, or have the operator turn the regulator."""
+    if rig.driver.info().can_set:
+        rig.driver.set_pressure(pressure_kpa)
+    else:
+        rig.simulated.set_pressure(pressure_kpa)
+
+
+def told_set_point_kpa(rig, pressure_kpa):
+    """What the source is to tell of it: one without a regulator was asked for nothing."""
+    return pytest.approx(pressure_kpa if rig.driver.info().can_set else 0.0, abs=1e-5)
 
 
 def wait_for(happened):
@@ -59,9 +84,10 @@ def wait_for(happened):
     return value
 
 
+@either_kind
 @pytest.mark.parametrize(("fault", "error", "words"), ON_THE_WIRE)
-def test_a_fault_of_the_wire(rig, fault, error, words):
-    for call in CALLS:
+def test_a_fault_of_the_wire(rig, kind, fault, error, words):
+    for call in ASKING[kind]:
         rig.emulator.faults.inject(fault)
         began_s = time.monotonic()
         with pytest.raises(error, match=f"pressure: .*({words})"):
@@ -82,9 +108,10 @@ def answers(source, call):
     return True
 
 
+@either_kind
 @pytest.mark.parametrize(("fault", "error", "words"), ON_THE_WIRE)
-def test_connecting_through_a_fault(fault, error, words):
-    with pressure_rig() as rig:
+def test_connecting_through_a_fault(kind, fault, error, words):
+    with pressure_rig(kind) as rig:
         rig.emulator.faults.late_s = LATE_S
         rig.emulator.faults.inject(fault)
         with pytest.raises(NotConnectedError, match=f"connecting: .*({words})"):
@@ -94,18 +121,19 @@ def test_connecting_through_a_fault(fault, error, words):
         assert rig.driver.read().pressure_kpa == pytest.approx(0.0, abs=0.05)
 
 
+@either_kind
 @pytest.mark.parametrize("fault", WireFault)
 def test_no_pressure_is_told_that_is_not_true(rig, fault):
     told = 0
     for pressure_kpa, count in ((4.0, 1), (12.0, 2)):
-        rig.driver.set_pressure(pressure_kpa)
+        bring_to(rig, pressure_kpa)
         time.sleep(12 * LAG_S)
         settled_ns = round(HostClock().now_s() * 1e9)
         rig.emulator.faults.inject(fault, count=count)
         for _ in range(5):
             try:
                 assert rig.driver.read().pressure_kpa == pytest.approx(pressure_kpa, abs=0.05)
-                assert rig.driver.set_point_kpa() == pytest.approx(pressure_kpa, abs=1e-5)
+                assert rig.driver.set_point_kpa() == told_set_point_kpa(rig, pressure_kpa)
                 told += 1
             except DeviceError:
                 continue
@@ -116,29 +144,60 @@ def test_no_pressure_is_told_that_is_not_true(rig, fault):
     assert told >= 2
 
 
-def test_unplugged_and_plugged_in_again(rig):
-    rig.driver.set_pressure(4.0)
+@either_kind
+def test_unplugged_and_plugged_in_again(rig, kind):
+    bring_to(rig, 4.0)
     time.sleep(8 * LAG_S)
     rig.emulator.stop()
-    for call in CALLS:
+    for call in ASKING[kind]:
         began_s = time.monotonic()
         with pytest.raises(NotConnectedError, match="pressure: "):
             CALLS[call](rig.driver)
         assert time.monotonic() - began_s < ANSWER_TIMEOUT_S + SPARE_S
     rig.emulator.start()
     assert rig.driver.read().pressure_kpa == pytest.approx(4.0, abs=0.1)
-    assert rig.driver.set_point_kpa() == pytest.approx(4.0, abs=1e-5)
+    assert rig.driver.set_point_kpa() == told_set_point_kpa(rig, 4.0)
 
 
-def test_a_power_cycle_is_told_as_it_is(rig):
+@either_kind
+def test_a_power_cycle_is_told_as_it_is(kind):
     """DAC0 falls to 0 V, so the set-point is 0, and the input's settings are made again."""
-    rig.driver.set_pressure(4.0)
-    rig.emulator.power_cycle()
-    assert wait_for(lambda: answers(rig.driver, "read"))
-    assert rig.driver.set_point_kpa() == 0.0
-    time.sleep(8 * LAG_S)
-    assert rig.driver.read().pressure_kpa == pytest.approx(0.0, abs=0.05)
-    rig.driver.set_pressure(2.0)
+    with pressure_rig(kind, settling_us=250.0) as rig:
+        rig.driver.connect()
+        bring_to(rig, 4.0)
+        rig.emulator.power_cycle()
+        assert wait_for(lambda: answers(rig.driver, "read"))
+        assert rig.driver.set_point_kpa() == 0.0
+        time.sleep(8 * LAG_S)
+        assert rig.driver.read().pressure_kpa == pytest.approx(0.0, abs=0.05)
+        assert rig.emulator._registers.read(42000, 2) == [0x437A, 0]  # 250 as a float
+        bring_to(rig, 2.0)
+        time.sleep(8 * LAG_S)
+        assert rig.driver.read().pressure_kpa == pytest.approx(2.0, abs=0.05)
+
+
+def test_other_programs_hold_both_connections_of_a_source_turned_by_hand():
+    with pressure_rig("manual") as rig:
+        options = ManualPressureOptions.model_validate(settings(rig.emulator.address))
+        first, second = (ManualPressure(options, DriverContext(name, HostClock())) for name in ("first", "second"))
+        first.connect()
+        second.connect()
+        with pytest.raises(DeviceBusyError, match=r"pressure: .*end the other program"):
+            rig.driver.connect()
+        with pytest.raises(NotConnectedError):
+            rig.driver.read()
+        first.close()
+        wait_for(lambda: connects(rig.driver))
+        assert rig.driver.read().pressure_kpa == pytest.approx(0.0, abs=0.05)
+        second.close()
+
+
+def connects(source):
+    try:
+        source.connect()
+    except DeviceBusyError:
+        return False
+    return True
 
 
 def test_other_programs_hold_both_connections(rig):
@@ -157,6 +216,7 @@ def test_other_programs_hold_both_connections(rig):
     third.close()
 
 
+@either_kind
 def test_samples_steadily_on_the_clock_of_the_frames(rig):
     clock = HostClock()
     began_ns = round(clock.now_s() * 1e9)
@@ -175,6 +235,7 @@ def test_samples_steadily_on_the_clock_of_the_frames(rig):
     assert rig.driver.readings_since(times_ns[-1]).readings[:1] != fetched.readings[-1:]
 
 
+@either_kind
 def test_samples_that_could_not_be_taken_are_counted(rig):
     wait_for(lambda: rig.driver.readings_since(0).readings)
     last_ns = rig.driver.readings_since(0).readings[-1].host_time_ns
@@ -191,6 +252,7 @@ def later(source, last_ns, span_s):
     return fetched if enough else None
 
 
+@either_kind
 def test_a_reading_is_timed_by_its_exchange_not_by_its_wait(rig):
     """A sample that waits for the line is not timed in the middle of the wait."""
     wait_for(lambda: rig.driver.readings_since(0).readings)
@@ -207,6 +269,7 @@ def test_a_reading_is_timed_by_its_exchange_not_by_its_wait(rig):
     ]
 
 
+@either_kind
 def test_sampling_ends_with_the_connection(rig):
     wait_for(lambda: rig.driver.readings_since(0).readings)
     rig.driver.close()
@@ -241,6 +304,14 @@ def test_a_broken_transducer_is_no_pressure_and_vents():
             rig.driver.read()
         wait_for(lambda: refused(rig.driver))
         assert rig.driver.set_point_kpa() == 0.0
+        assert rig.driver.readings_since(0).readings == ()
+
+
+def test_a_broken_transducer_of_a_source_turned_by_hand_is_no_pressure():
+    with pressure_rig("manual", wiring=Wiring(transducer_v_at_0_kpa=0.0, transducer_v_per_kpa=0.0)) as rig:
+        rig.driver.connect()
+        with pytest.raises(DeviceFaultError, match=r"0 V would be -2\.5 kPa, outside the transducer's range"):
+            rig.driver.read()
         assert rig.driver.readings_since(0).readings == ()
 
 
@@ -281,6 +352,7 @@ def test_the_last_of_many_commands_is_a_vent(rig):
 
 
 def test_closing_without_an_answer_ends_in_time(rig, caplog):
+    rig.driver.set_pressure(2.0)
     rig.emulator.faults.inject(WireFault.SILENCE)
     began_s = time.monotonic()
     rig.driver.close()

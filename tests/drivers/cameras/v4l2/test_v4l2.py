@@ -1,6 +1,5 @@
 """The V4L2 driver on a capture that is put in its place; on a real or ``vivid`` device with BSCD_V4L2_DEVICE."""
 
-import logging
 import os
 import threading
 import time
@@ -12,18 +11,12 @@ from pydantic import ValidationError
 from drivers.cameras.v4l2 import V4l2Camera, V4l2Options
 from drivers.cameras.v4l2.inference import InferredCount
 from drivers.clock import HostClock
-from drivers.errors import DeviceTimeoutError, NotConnectedError, OutOfLimitsError
+from drivers.errors import NotConnectedError, OutOfLimitsError
 from drivers.interfaces import Camera
 from drivers.registry import DriverContext, installed_drivers
 from tests.drivers.cameras.v4l2.fake_capture import FakeDevice
+from tests.drivers.cameras.v4l2.rigs import PATH, make, until
 from tests.drivers.contract.camera_contract import CameraContract
-
-PATH = "/dev/v4l/by-id/fake"
-
-
-def make(device, **options):
-    values = {"device": PATH, "width_px": 32, "height_px": 24, "pixel_size_mm": 0.005, **options}
-    return V4l2Camera(V4l2Options.model_validate(values), DriverContext("primary"), device.open)
 
 
 class OnTheHost(CameraContract):
@@ -66,27 +59,6 @@ class TestRealDevice(OnTheHost):
             }
         )
         return V4l2Camera(options, DriverContext("real"))
-
-
-@pytest.fixture
-def device():
-    return FakeDevice()
-
-
-@pytest.fixture
-def camera(device):
-    camera = make(device, frame_rate_hz=100.0, exposure_s=0.005, stall_timeout_s=0.3, reconnect_s=[0.05, 0.2])
-    camera.connect()
-    yield camera
-    device.present, _ = True, device.silent.clear()
-    camera.close()
-
-
-def until(condition, within_s=10.0):
-    deadline_s = time.monotonic() + within_s
-    while not condition():
-        assert time.monotonic() < deadline_s, "it did not happen in time"
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("pixel_format", ["GREY", "YUYV", "MJPG"])
@@ -151,46 +123,6 @@ def test_frames_for_which_there_is_no_room_are_counted(device):
     assert ids[:4] == [1, 2, 3, 4] and ids[4] > 9
 
 
-def test_silence_is_named_within_its_own_time_out_and_ends(camera, device):
-    camera.start()
-    camera.read()
-    device.silent.set()
-    began_s = time.monotonic()
-    with pytest.raises(DeviceTimeoutError, match="none came within"):
-        for _ in range(50):
-            camera.read(timeout_s=0.1)
-    assert time.monotonic() - began_s < 1.0
-    until(lambda: not camera.status().connected)
-    with pytest.raises(NotConnectedError, match="no frames come"):
-        camera.read(timeout_s=0.05)
-    device.silent.clear()
-    until(lambda: camera.status().connected)
-    assert camera.read().data.shape == (24, 32)
-
-
-def test_an_unplugged_camera_is_reported_once_and_comes_back_as_it_was(camera, device, caplog):
-    caplog.set_level(logging.WARNING)
-    camera.configure(exposure_s=0.004, gain_db=6.0)
-    camera.start()
-    before = camera.read()
-    device.present = False
-    until(lambda: not camera.status().connected)
-    with pytest.raises(NotConnectedError):
-        while True:
-            before = camera.read(timeout_s=0.1)
-    with pytest.raises(NotConnectedError):
-        camera.configure(gain_db=0.0)
-    device.present = True
-    after = camera.read()
-    status = camera.status()
-    assert (status.connected, status.streaming) == (True, True)
-    assert (status.exposure_s, status.gain_db) == (pytest.approx(0.004), pytest.approx(6.0))
-    assert after.frame_id > before.frame_id + 1
-    assert status.lost_frames >= after.frame_id - before.frame_id - 1
-    said = [record.message for record in caplog.records if record.name.startswith("drivers.cameras.v4l2")]
-    assert [("lost:" in text, "back after" in text) for text in said] == [(True, False), (False, True)]
-
-
 def test_a_driver_without_time_stamps_is_timed_on_arrival(device):
     device.stamps = False
     camera = make(device, frame_rate_hz=50.0, exposure_s=0.005)
@@ -219,6 +151,18 @@ def test_inference(times_ms, ids, missing):
     results = [count.count(round(1e6 * t), 0.1) for t in times_ms]
     assert [frame_id for frame_id, _ in results] == ids
     assert sum(lost for _, lost in results) == missing
+
+
+def test_what_can_be_seen_is_listed_by_its_lasting_name(tmp_path, monkeypatch):
+    find = installed_drivers()["camera.v4l2"].find
+    assert find is not None
+    monkeypatch.setattr("drivers.ports.DEV", tmp_path)
+    assert find() == []
+    (tmp_path / "v4l/by-id").mkdir(parents=True)
+    (tmp_path / "video0").touch()
+    name = tmp_path / "v4l/by-id/usb-Maker_Camera_0001-video-index0"
+    name.symlink_to("../../video0")
+    assert find() == [f"{name} ({tmp_path / 'video0'})"]
 
 
 def test_the_registry_builds_it():
