@@ -11,20 +11,17 @@ from typing import Any
 from fastapi import Depends, FastAPI, Response
 from fastapi.openapi.utils import get_openapi
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from bscd.api import metrics
-from bscd.api.gatekeeping import Audit, RateLimit, SizeLimit
+from bscd.api.gatekeeping import Audit, OwnHost, RateLimit, SizeLimit
 from bscd.api.problems import PROBLEMS, Problem, add_handlers
+from bscd.api.refusals import Refusals
 from bscd.api.routes import camera, control, events, files, jobs, status
 from bscd.api.security import BEARER, OPERATOR, Gate, Viewer, is_loopback
 from bscd.daemon.daemon import Daemon
 from bscd.version import __version__
 
 PREFIX = "/api/v1"
-
-#: Names that this computer has for itself: no other name leads here, so no page of another host can pretend to be ours.
-_OWN_NAMES = ["127.0.0.1", "localhost", "[::1]"]
 
 _ESTOPS = 4
 
@@ -65,11 +62,12 @@ def create_app(daemon: Daemon) -> FastAPI:
         return Response(metrics.text_of(registry), media_type=CONTENT_TYPE_LATEST)
 
     app.add_middleware(SizeLimit, most_bytes=daemon.settings.request_limit_bytes)
-    app.add_middleware(Audit, daemon=daemon)
-    app.add_middleware(RateLimit, requests_per_s=daemon.settings.requests_per_s)
-    app.add_middleware(metrics.RequestFigures, registry=registry)
     if is_loopback(daemon.settings.host):
-        app.add_middleware(TrustedHostMiddleware, allowed_hosts=_OWN_NAMES)
+        app.add_middleware(OwnHost)
+    refusals = Refusals(daemon.journal)
+    app.add_middleware(Audit, daemon=daemon, refusals=refusals)
+    app.add_middleware(RateLimit, requests_per_s=daemon.settings.requests_per_s, refusals=refusals)
+    app.add_middleware(metrics.RequestFigures, registry=registry)
     app.openapi = lambda: _openapi(app)
     return app
 
@@ -81,7 +79,8 @@ def _openapi(app: FastAPI) -> dict[str, Any]:
     if app.openapi_schema is None:
         made = get_openapi(title=app.title, version="1", summary=app.summary, routes=app.routes)
         schemas = made["components"]["schemas"]
-        schemas["Problem"] = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        for one in (Problem, control.EStopOrder):
+            schemas[one.__name__] = one.model_json_schema(ref_template="#/components/schemas/{model}")
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
         app.openapi_schema = made

@@ -18,6 +18,7 @@ from bscd.daemon.errors import (
     NotInControlError,
     UnknownNameError,
 )
+from bscd.daemon.journal import JournalError
 from bscd.errors import BscdError, InputError
 from bscd.procedures import RigNotReadyError
 from drivers.errors import DeviceError, DeviceTimeoutError, NotConnectedError
@@ -67,6 +68,7 @@ _TITLES = {
     429: "Too many requests",
     500: "A mistake in the program",
     503: "A device does not do what it should",
+    507: "The journal can not be kept",
 }
 
 #: Errors of the daemon by their kind, the narrower first.
@@ -77,6 +79,7 @@ _KINDS: tuple[tuple[type[Exception], int, str], ...] = (
     (UnknownNameError, 404, "unknown-name"),
     (NotInControlError, 423, "not-in-control"),
     (RigNotReadyError, 503, "rig-not-ready"),
+    (JournalError, 507, "journal"),
     (InputError, 422, "input"),
     (BscdError, 422, "refused"),
 )
@@ -97,7 +100,7 @@ def problem_of(error: Exception) -> Problem:
         )
     for kind, status, code in _KINDS:
         if isinstance(error, kind):
-            more: dict[str, Any] = {"retryable": status == 503}
+            more: dict[str, Any] = {"retryable": status in (503, 507)}
             if isinstance(error, IllegalRequestError):
                 more |= {"state": error.state, "allowed": list(error.allowed)}
             if isinstance(error, InterlockError):
@@ -165,5 +168,5 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         "description": _TITLES[status],
         "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
-    for status in (400, 401, 403, 404, 405, 409, 413, 422, 423, 429, 503)
+    for status in (400, 401, 403, 404, 405, 409, 413, 422, 423, 429, 503, 507)
 }

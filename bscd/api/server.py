@@ -14,6 +14,7 @@ import structlog
 import uvicorn
 
 from bscd.api.app import create_app
+from bscd.api.refusals import Refusals
 from bscd.api.security import Gate, is_loopback
 from bscd.daemon.daemon import Daemon
 from bscd.daemon.estop_listener import EStopListener
@@ -52,7 +53,9 @@ def serve(daemon: Daemon, ready: Callable[[Served], None] = lambda _: None) -> N
     settings = daemon.settings
     with ExitStack() as ends:
         try:
-            listener = EStopListener(daemon.estop, settings.host, settings.estop_port, Gate(daemon).admits)
+            listener = EStopListener(
+                daemon.estop, settings.host, settings.estop_port, Gate(daemon).admit, _noting(daemon)
+            )
         except OSError as error:
             raise InputError(
                 f"the e-stop's port {settings.estop_port} on {settings.host} can not be had ({error}); "
@@ -127,6 +130,17 @@ def listening(host: str, port: int) -> socket.socket:
         place.close()
         raise InputError(f"port {port} on {host} can not be had ({error.strerror}); change [daemon] port") from error
     return place
+
+
+def _noting(daemon: Daemon) -> Callable[[str], None]:
+    """What the e-stop's listener tells a refused address to."""
+    refusals = Refusals(daemon.journal)
+
+    def refused(address: str) -> None:
+        if refusals.due(address):
+            refusals.note(address, "POST", "/estop", 401, "the e-stop's own listener: no key that is known")
+
+    return refused
 
 
 def _shown(host: str) -> str:

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 from urllib.parse import quote
 
-from pydantic import BaseModel, TypeAdapter
+import httpx
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from bscd.client.errors import ApiError, raise_for
 from bscd.daemon.documents import (
     AuditDocument,
     DeviceDocument,
@@ -23,7 +25,7 @@ from bscd.daemon.documents import (
 
 API = "/api/v1"
 Kind = Literal["run", "calibration", "result", "report"]
-Action = Literal["pause", "resume", "stop"]
+Action = Literal["pause", "resume", "stop", "abort", "resume-from", "confirm"]
 Camera = Literal["primary", "auxiliary"]
 
 Answer = TypeVar("Answer")
@@ -31,7 +33,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True)
 class Call(Generic[Answer]):
-    """A request, and how its answer is read; ``retry`` whether it may be sent again when no answer came."""
+    """A request, and how its answer is read."""
 
     method: str
     path: str
@@ -39,6 +41,32 @@ class Call(Generic[Answer]):
     body: Any = None
     query: dict[str, Any] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+
+    def asked(self, timeout_s: float) -> dict[str, Any]:
+        """What httpx sends."""
+        return {
+            "method": self.method,
+            "url": self.path,
+            "json": self.body,
+            "params": self.query,
+            "headers": self.headers,
+            "timeout": timeout_s,
+        }
+
+    def answered(self, response: httpx.Response) -> Answer:
+        """The answer. Raises what a refusal tells, `ApiError` for an answer that is none of this version's."""
+        raise_for(response)
+        try:
+            return self.read(response.content)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise ApiError(
+                f"{self.path}: the answer is none that is known ({where}: {first['msg']}); "
+                f"is the daemon of this version, and is it one?",
+                response.status_code,
+                "unknown-answer",
+            ) from error
 
 
 def status() -> Call[StatusDocument]:
@@ -79,14 +107,15 @@ def job(job_id: str) -> Call[JobDocument]:
     return Call("GET", f"{API}/jobs/{_part(job_id)}", JobDocument.model_validate_json)
 
 
-def act(job_id: str, what: str, body: dict[str, Any] | None = None) -> Call[JobDocument]:
-    """Pause, resume, stop, abort, resume-from or confirm."""
+def act(job_id: str, what: Action, body: dict[str, Any] | None = None) -> Call[JobDocument]:
+    """Have a job do something."""
     return Call("POST", f"{API}/jobs/{_part(job_id)}/{what}", JobDocument.model_validate_json, body)
 
 
-def estop(reason: str = "") -> Call[EStopDocument]:
-    """Stop everything."""
-    return Call("POST", f"{API}/estop", EStopDocument.model_validate_json, {"reason": reason})
+def estop(reason: str = "", at: str = f"{API}/estop") -> Call[EStopDocument]:
+    """Stop everything; ``at`` may be the e-stop's own address."""
+    told = reason.encode(errors="replace").decode()  # arguments of a command may hold what is no text
+    return Call("POST", at, EStopDocument.model_validate_json, {"reason": told})
 
 
 def take_lease(*, force: bool = False) -> Call[LeaseDocument]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -15,8 +15,9 @@ from pydantic import BaseModel
 
 from bscd.client import calls
 from bscd.client.calls import Call, Camera, Kind
-from bscd.client.connection import DEFAULT_URL, Connection
-from bscd.client.errors import NoDaemonError, raise_for
+from bscd.client.connection import DEFAULT_URL, ESTOP_API_S, ESTOP_OWN_S, Connection
+from bscd.client.downloading import PIECE_BYTES, Download
+from bscd.client.errors import NoDaemonError, NoPermissionError, raise_for
 from bscd.client.following import AGAIN_S, SILENCE_S, JobFollower
 from bscd.daemon.documents import (
     DeviceDocument,
@@ -31,7 +32,6 @@ from bscd.daemon.documents import (
 from bscd.errors import BscdError
 
 Answer = TypeVar("Answer")
-_CHUNK = 1 << 20
 
 
 class Client:
@@ -42,8 +42,9 @@ class Client:
     ...     for now in rig.follow(job.id):
     ...         print(now.status, now.progress)
 
-    ``key`` is an API key; where none is needed ``operator`` says whose hand it is. Every call raises `NoDaemonError`
-    when nobody answers, and the daemon's own errors (`bscd.daemon.errors`) for what it refuses.
+    ``key`` is an API key; where none is needed ``operator`` says whose hand it is, in plain letters: accents are left
+    out. Every call raises `NoDaemonError` when nobody answers, and the daemon's own errors (`bscd.daemon.errors`) for
+    what it refuses.
     """
 
     def __init__(
@@ -115,16 +116,22 @@ class Client:
         return self._do(calls.act(job_id, "confirm", {"prompt": prompt, "value": value}))
 
     def estop(self, reason: str = "") -> EStopDocument:
-        """Stop everything; by the e-stop's own listener where the API does not answer soon."""
+        """Stop everything; by the e-stop's own listener where the API does not do it soon.
+
+        Raises `NoPermissionError` without a key where one is needed, `NoDaemonError` when neither does it.
+        """
         try:
-            return self._do(calls.estop(reason), timeout_s=2.0)
-        except NoDaemonError:
-            try:
-                response = httpx.post(self._to.estop_url, headers=self._to.headers, timeout=5.0)
-            except httpx.TransportError as error:
-                raise NoDaemonError(f"{self._to.estop_url}: does not answer either: {error}") from error
-            raise_for(response)
-            return EStopDocument.model_validate_json(response.content)
+            return self._do(calls.estop(reason), timeout_s=ESTOP_API_S)
+        except NoPermissionError:
+            raise
+        except Exception as error:  # whatever it is, the other way may be open
+            api = error
+        try:
+            return self._do(calls.estop(reason, self._to.estop_url), timeout_s=ESTOP_OWN_S)
+        except NoPermissionError:
+            raise
+        except Exception as error:
+            raise self._to.not_stopped(api, error) from error
 
     def reset_estop(self) -> StatusDocument:
         """Let things move again; nothing does by itself."""
@@ -175,16 +182,12 @@ class Client:
 
         Raises `BscdError` when ``to`` exists.
         """
-        path = Path(to)
-        if path.exists():
-            raise BscdError(f"{path}: exists already; nothing is overwritten, choose another name")
-        part = path.with_name(path.name + ".part")
+        download = Download(to)
         try:
-            self._fetch(calls.file_path(kind, name, file), part)
+            self._fetch(calls.file_path(kind, name, file), download)
         except httpx.TransportError as error:
-            raise NoDaemonError(f"{name}: the download was cut off ({error}); ask again and it goes on") from error
-        part.rename(path)
-        return path
+            raise download.cut_off(error) from error
+        return download.ended()
 
     def snapshot(self, camera: Camera = "primary", width_px: int = 1280) -> bytes:
         """A camera's newest frame, JPEG."""
@@ -193,7 +196,13 @@ class Client:
     @contextmanager
     def control(self, *, force: bool = False) -> Iterator[LeaseDocument]:
         """Be in control of the rig; each change renews it, and it is given back at the end."""
-        yield self._do(calls.take_lease(force=force))
+        lease = self._do(calls.take_lease(force=force))
+        try:
+            yield lease
+        except BaseException:
+            with suppress(BscdError):  # what ended the block is told, not this
+                self._do(calls.release_lease())
+            raise
         self._do(calls.release_lease())
 
     def close(self) -> None:
@@ -202,31 +211,21 @@ class Client:
 
     def _do(self, call: Call[Answer], *, timeout_s: float | None = None) -> Answer:
         try:
-            response = self._http.request(
-                call.method,
-                call.path,
-                json=call.body,
-                params=call.query,
-                headers=call.headers,
-                timeout=self._to.timeout_s if timeout_s is None else timeout_s,
-            )
+            response = self._http.request(**call.asked(self._to.timeout_s if timeout_s is None else timeout_s))
         except httpx.TransportError as error:
             raise self._to.no_daemon(error) from error
-        raise_for(response)
-        return call.read(response.content)
+        return call.answered(response)
 
-    def _fetch(self, path: str, part: Path) -> None:
-        have = part.stat().st_size if part.exists() else 0
-        headers = {"Range": f"bytes={have}-"} if have else {}
-        with self._http.stream("GET", path, headers=headers) as response:
-            if response.status_code == 416:  # it is whole
+    def _fetch(self, path: str, download: Download) -> None:
+        with self._http.stream("GET", path, headers=download.headers) as response:
+            if download.is_whole(response):
                 return
             if not response.is_success:
                 response.read()
                 raise_for(response)
-            with part.open("ab" if response.status_code == 206 else "wb") as file:
-                for chunk in response.iter_bytes(_CHUNK):
-                    file.write(chunk)
+            with download.opened(response) as file:
+                for piece in response.iter_bytes(PIECE_BYTES):
+                    file.write(piece)
 
     def __enter__(self) -> Self:
         """The client."""

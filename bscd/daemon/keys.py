@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field
 
 from bscd.daemon.documents import Document
 from bscd.errors import InputError
@@ -27,6 +27,15 @@ ROLES: tuple[Role, ...] = ("viewer", "operator", "admin")
 
 _KEY = re.compile(r"bscd_[0-9a-f]{8}_[A-Za-z0-9_-]{43}")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@-]{0,79}")
+_OPERATOR = re.compile(r"[\w][\w .@-]{0,79}")
+
+LOCAL = "local"
+"""Who asks where nobody needs a key and no name is given; no key is called so."""
+
+
+def operator_name(told: str) -> str | None:
+    """The name of who asks without a key, None for what is no name."""
+    return told if _OPERATOR.fullmatch(told) else None
 
 
 class KeyDocument(Document):
@@ -70,7 +79,7 @@ class KeyStore:
 
     def add(self, name: str, role: Role) -> str:
         """A new key; shown here and never again. Raises `InputError` for a name that has one, or is none."""
-        if _NAME.fullmatch(name) is None:
+        if _NAME.fullmatch(name) is None or name == LOCAL:
             raise InputError(f"{name[:80]!r}: is no name for a key; use letters, digits, spaces and . _ @ -")
         if role not in ROLES:
             raise InputError(f"{role!r}: is no role; choose {', '.join(ROLES)}")
@@ -99,31 +108,41 @@ class KeyStore:
             for kept in sorted(self._known().values(), key=lambda kept: kept.created_at)
         ]
 
-    def find(self, key: str) -> KeyDocument | None:
-        """Whose key that is, None for one that is none (any more)."""
+    def find(self, key: str, *, last_read: bool = False) -> KeyDocument | None:
+        """Whose key that is, None for one that is none (any more).
+
+        With ``last_read`` the keys that were read last count where the file can not be read now.
+        """
         if _KEY.fullmatch(key) is None:
             return None
-        kept = self._known().get(key.split("_")[1])
+        kept = self._known(last_read=last_read).get(key.split("_")[1])
         if kept is None or not hmac.compare_digest(kept.sha256, _hashed(key)):
             return None
         return KeyDocument(name=kept.name, role=kept.role, created_at=kept.created_at)
 
-    def _known(self) -> dict[str, _Kept]:
+    def _known(self, *, last_read: bool = False) -> dict[str, _Kept]:
         with self._lock:
-            return self._read()
+            try:
+                return self._read()
+            except InputError:
+                if not last_read:
+                    raise
+                return self._keys
 
     def _read(self) -> dict[str, _Kept]:
         try:
             stat = self.path.stat()
-        except OSError:
+        except FileNotFoundError:
             self._stamp, self._keys = None, {}
             return self._keys
+        except OSError as error:
+            raise InputError(f"{self.path}: can not be read ({error.strerror}); correct its folder's rights") from error
         stamp = (stat.st_mtime_ns, stat.st_ino)
         if stamp != self._stamp:
             try:
                 told: Any = json.loads(self.path.read_text(encoding="utf-8"))
                 kept = [_Kept.model_validate(one) for one in told["keys"]]
-            except (OSError, ValueError, KeyError, TypeError, ValidationError) as error:
+            except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
                 raise InputError(f"{self.path}: is no file of keys; move it away and add the keys again") from error
             self._keys, self._stamp = {one.id: one for one in kept}, stamp
         return self._keys

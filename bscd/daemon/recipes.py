@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bscd.acquisition.names import Compression
 from bscd.procedures.recipes import Finite, ScanRecipe
@@ -65,7 +65,10 @@ class _Scan(Recipe):
         """The scan, with what is not given here as ``configured``. Raises `ValueError` for one that can not be."""
         own = {name: getattr(self, name) for name in _Scan.model_fields if name not in Recipe.model_fields}
         given = {name: value for name, value in own.items() if value is not None}
-        return ScanRecipe(**{**configured, **given, "kind": self.kind})
+        try:
+            return ScanRecipe(**{**configured, **given, "kind": self.kind})
+        except ValidationError as error:
+            raise ValueError(_sentences(error)) from error
 
 
 class ReferenceScan(_Scan):
@@ -171,3 +174,12 @@ RECIPES: dict[str, type[Recipe]] = {
 
 DESK = ("calibrate", "measure")
 """Those that need no rig, and run beside one that does."""
+
+
+def _sentences(error: ValidationError) -> str:
+    """What is wrong, without pydantic's own words about it."""
+    told = []
+    for one in error.errors(include_url=False):
+        place = ".".join(str(part) for part in one["loc"])
+        told.append(f"{place}: {one['msg']}" if place else one["msg"].removeprefix("Value error, "))
+    return "; ".join(told)

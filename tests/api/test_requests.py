@@ -9,6 +9,7 @@ import pytest
 
 from bscd.acquisition import FrameRecord, RunWriter
 from bscd.daemon.documents import JobStatus
+from bscd.daemon.journal import JournalError
 from tests.api.serving import api_of
 from tests.daemon.small import ended, small_daemon, until
 from tests.procedures.measuring.twin_runs import CAMERA
@@ -82,6 +83,31 @@ def test_a_job_that_can_not_be_changes_nothing(api, daemon, body, status, code, 
     assert daemon.status().devices["jacks"].reading == before["jacks"].reading
     line = daemon.journal.audits(1)[0]
     assert (line.action, line.target, line.outcome) == ("POST", f"{API}/jobs", str(status))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"poses": ["face", "face"]}, "poses names one twice"),
+        ({"positions": 4}, "positions = 4 must be odd, so that POS.0 is the middle one"),
+    ],
+)
+def test_a_scan_that_can_not_be_is_told_in_a_sentence(api, given, told):
+    recipe = {"recipe": "reference-scan", **given}
+    assert api.post(f"{API}/recipes:validate", json=recipe).json()["problems"] == [told]
+    refused = problem(api.post(f"{API}/jobs", json=recipe), 422, "interlock")
+    assert refused["problems"] == [told]
+    assert refused["detail"] == f"reference-scan refused, nothing moved: {told}"
+
+
+def test_a_journal_that_can_not_be_kept_is_not_the_askers_mistake(api, daemon, monkeypatch):
+    def full(*_):
+        raise JournalError("the journal can not be written (the disk is full); make room on the disk")
+
+    monkeypatch.setattr(daemon, "submit", full)
+    told = problem(api.post(f"{API}/jobs", json={"recipe": "home"}), 507, "journal")
+    assert told["retryable"] is True
+    assert "make room on the disk" in told["detail"]
 
 
 def test_what_the_state_does_not_allow_is_409_with_what_it_does(api, daemon):

@@ -31,8 +31,12 @@ def test_every_problem_is_documented(daemon):
             assert operation["responses"]["422"]["content"].keys() == {"application/problem+json"}
 
 
+#: A rig that is e-stopped or at fault is not ready, and says so with this status; it breaks nothing.
+JUSTIFIED = {("/health/ready", 503)}
+
+
 def test_nothing_that_can_be_asked_breaks_it(tmp_path):
-    """No 5xx but those that are documented, no undocumented answer; streams are left out, they do not end."""
+    """No 5xx of a rig that is well, no undocumented answer; streams are left out, they do not end."""
     with small_daemon(tmp_path, sensor_px=320, requests_per_s=1e6, queue_limit=1000) as daemon, api_of(daemon) as api:
         described = schemathesis.openapi.from_dict(create_app(daemon).openapi())
         described.config.update(base_url=str(api.base_url))
@@ -55,7 +59,7 @@ def test_nothing_that_can_be_asked_breaks_it(tmp_path):
                 nonlocal asked
                 asked += 1
                 answer = case.call()
-                assert answer.status_code != 500
+                assert answer.status_code < 500 or (case.path, answer.status_code) in JUSTIFIED, answer.text
                 case.validate_response(answer, checks=[status_code_conformance, response_schema_conformance])
 
             ask()

@@ -89,6 +89,7 @@ def test_a_recipe_by_its_name_with_settings(command):
         (["run", "move", "--set", "axis"], "--set axis: is no KEY=VALUE"),
         (["run", "move", "--set", "axis=jacks"], "position: Field required"),
         (["run", "move", "--set", "axis=jacks", "--set", "position=900"], "its limits are 0 to 84 mm"),
+        (["run", "bsc-scan", "--set", 'poses=["face","face"]'], "nothing moved: poses names one twice"),
         (["pause"], "no job is on the bench; name one of bscd jobs"),
         (["jobs", "nothing"], "there is none of that name"),
         (["download", "nothing", "-o", "/tmp/never.h5"], "there is none of that name"),
@@ -111,6 +112,48 @@ def test_e_stop_and_reset(command, daemon):
     code, out, _ = command("estop", "--reset")
     assert code == 0
     assert "reset; the rig is idle" in out
+
+
+@pytest.mark.parametrize(
+    ("user", "by"),
+    [
+        ("DOM\\alice", "DOM-alice"),
+        ("zo\u00eb", "zoe"),
+        ("<b>", "b-"),
+        ("\u041c\u0430\u0440\u0438\u044f", "local"),
+        ("\udcff", "local"),
+        ("", "local"),
+        ("a" * 300, "a" * 80),
+    ],
+)
+def test_any_name_of_a_user_will_do(command, daemon, monkeypatch, user, by):
+    monkeypatch.setenv("USER", user)
+    code, _, err = command("status")
+    assert (code, err) == (0, "")
+    code, _, err = command("estop", "--reason", "smoke \udcff")
+    assert (code, err) == (0, "")
+    assert daemon.estop.document().by == f"{by}: smoke ?"
+    assert command("estop", "--reset")[0] == 0
+
+
+def test_the_e_stop_needs_no_key_that_can_be_read(command, daemon, tmp_path, monkeypatch):
+    path = tmp_path / "key"
+    monkeypatch.setenv("BSCD_KEY_FILE", str(path))
+    for content in (None, b"bscd_x", b"\xff\xfe"):
+        if content is not None:
+            path.write_bytes(content)
+            path.chmod(0o644 if content == b"bscd_x" else 0o600)
+        assert command("status")[0] == 1
+        code, _, err = command("estop")
+        assert code == 0
+        assert err.startswith(f"warning: {path}: ")
+        assert command("estop", "--reset")[0] == 1  # that can wait for the right key
+        daemon.reset_estop("test")
+    monkeypatch.setenv("BSCD_KEY", "no key\u00e9")
+    assert command("estop")[0] == 0
+    code, _, err = command("status")
+    assert (code, "the key is not known" in err) == (1, True)
+    daemon.reset_estop("test")
 
 
 def test_pause_resume_stop_and_confirm(command, tmp_path, monkeypatch):

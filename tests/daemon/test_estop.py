@@ -149,7 +149,7 @@ def test_many_triggers_at_once_all_stop():
 @pytest.fixture
 def listener():
     estop = EmergencyStop(Latch(), {"jacks": lambda: None})
-    serving = EStopListener(estop, "127.0.0.1", 0, lambda key: key == "right")
+    serving = EStopListener(estop, "127.0.0.1", 0, lambda key: "anna" if key == "right" else None)
     yield estop, serving.port
     serving.close()
     estop.close()

@@ -108,7 +108,7 @@ def test_a_blocked_event_loop_stops_the_pings_and_not_the_e_stop(tmp_path, syste
     with small_daemon(tmp_path, sensor_px=320) as daemon, listening("127.0.0.1", 0) as place, ExitStack() as ends:
         ready, free = threading.Event(), threading.Event()
         server = Server(daemon, ready.set)
-        listener = EStopListener(daemon.estop, "127.0.0.1", 0, lambda key: True)
+        listener = EStopListener(daemon.estop, "127.0.0.1", 0, lambda key: "local")
         ends.callback(listener.close)
         thread = threading.Thread(target=lambda: server.run(sockets=[place]), daemon=True)
         thread.start()

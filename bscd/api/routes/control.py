@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import aclosing, suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
+from starlette.requests import ClientDisconnect
 
 from bscd.api.problems import RefusedError
-from bscd.api.security import Admin, Operator, TheDaemon, Viewer, gate_of
+from bscd.api.security import Admin, Operator, Stopper, TheDaemon, Viewer, gate_of
 from bscd.daemon.documents import AuditDocument, EStopDocument, LeaseDocument, StatusDocument
+from bscd.daemon.estop_listener import REASON_S, reason_of
 
 router = APIRouter(tags=["control"])
 
 
-class _Order(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+class EStopOrder(BaseModel):
+    """Why, in 200 characters; what can not be read, or is more, is left out: no body keeps the rig from stopping."""
+
+    reason: str = ""
 
 
-class EStopOrder(_Order):
-    """Why; it may be left out."""
-
-    reason: str = Field(default="", max_length=200)
-
-
-class LeaseOrder(_Order):
+class LeaseOrder(BaseModel):
     """``force`` takes control from whoever has it; for admins."""
+
+    model_config = ConfigDict(extra="forbid")
 
     force: bool = False
 
@@ -38,12 +39,27 @@ class Token(BaseModel):
     lifetime_s: float
 
 
-@router.post("/estop")
-async def estop(request: Request, daemon: TheDaemon, who: Viewer, order: EStopOrder | None = None) -> EStopDocument:
+_ESTOP_BODY = {"content": {"application/json": {"schema": {"$ref": "#/components/schemas/EStopOrder"}}}}
+
+
+@router.post("/estop/", include_in_schema=False)
+@router.post("/estop", openapi_extra={"requestBody": _ESTOP_BODY})
+async def estop(request: Request, daemon: TheDaemon, who: Stopper) -> EStopDocument:
     """Stop every axis and vent, now; any role may. Latched until an operator resets it."""
-    reason = "" if order is None else order.reason
+    reason = await _reason(request, daemon.settings.request_limit_bytes)
     loop = asyncio.get_running_loop()
-    return await loop.run_in_executor(request.app.state.estop_threads, daemon.estop.trigger, who.name, reason)
+    return await loop.run_in_executor(request.app.state.estop_threads, daemon.estop.trigger, who, reason)
+
+
+async def _reason(request: Request, most_bytes: int) -> str:
+    body = b""
+    with suppress(TimeoutError, ClientDisconnect):
+        async with asyncio.timeout(REASON_S), aclosing(request.stream()) as pieces:
+            async for piece in pieces:
+                body += piece
+                if len(body) > most_bytes:
+                    return ""
+    return reason_of(body)
 
 
 @router.get("/estop")

@@ -38,11 +38,11 @@ def register(app: typer.Typer) -> None:
         reset: Annotated[bool, typer.Option("--reset", help="Let things move again; nothing does by itself.")] = False,
         reason: Annotated[str, typer.Option(help="Why; kept in the journal.")] = "",
     ) -> None:
-        """Stop every axis and vent, now; by the e-stop's own address (BSCD_ESTOP_URL) where the API does not answer.
+        """Stop every axis and vent, now; by the e-stop's own address (BSCD_ESTOP_URL) where the API does not do it.
 
         Example: bscd estop --reason "it smells"
         """
-        with client_at(url) as client:
+        with client_at(url, stops=not reset) as client:
             if reset:
                 typer.echo(f"reset; the rig is {client.reset_estop().state.value}")
                 return
