@@ -14,8 +14,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.cameras.aravis import AravisCamera, AravisOptions
-from drivers.emulators.gige import serve_cameras
+from drivers.emulators.gige import GigeEmulator, serve_cameras
 from drivers.emulators.gige.loopback import bring_up
+from drivers.emulators.wire import WireFault
+from drivers.errors import DeviceTimeoutError
 from drivers.registry import DriverContext
 from drivers.simulated import SimulatedCamera, SimulatedCameraOptions
 from drivers.twin.options import TwinOptions
@@ -37,24 +39,45 @@ def cameras(addresses: Sequence[str], **options: float) -> list[AravisCamera]:
     return made
 
 
-def stream(title: str, addresses: Sequence[str], frames: int, **options: float) -> None:
-    """Read so many frames of each camera and print what became of them."""
-    made = cameras(addresses, **options)
+def finish(made: Sequence[AravisCamera], emulators: Sequence[GigeEmulator]) -> list[int]:
+    """Read what is on its way when the cameras make no more; returns how many frames each sent since it was made."""
+    for emulator in emulators:
+        emulator.faults.inject(WireFault.SILENCE)
+    for camera in made:
+        try:
+            while True:
+                camera.read(0.3)
+        except DeviceTimeoutError:
+            pass
+    sent = [emulator.sent_frames for emulator in emulators]
+    for emulator in emulators:
+        emulator.faults.clear()
+    return sent
+
+
+def stream(title: str, emulators: Sequence[GigeEmulator], frames: int, **options: float) -> None:
+    """Read so many frames of each camera and print what became of them and of the others that it sent."""
+    made = cameras([emulator.address for emulator in emulators], **options)
+    before = [emulator.sent_frames for emulator in emulators]
     busy_s = time.process_time()
     for camera in made:
         camera.start()
-    first = [camera.read() for camera in made]
+    for camera in made:
+        camera.read()
     began_s = time.perf_counter()
+    last = []
     for _ in range(frames):
         last = [camera.read() for camera in made]
     wall_s = time.perf_counter() - began_s
     busy_s = time.process_time() - busy_s
-    for camera, one, other in zip(made, first, last, strict=True):
+    after = finish(made, emulators)
+    for camera, sent_before, sent_after, frame in zip(made, before, after, last, strict=True):
+        sent = sent_after - sent_before
+        counters, status = camera.counters(), camera.status()
+        lost = status.lost_frames
+        assert sent == status.delivered_frames + lost, "a loss that was not counted"
         camera.stop()
-        counters, lost = camera.counters(), camera.status().lost_frames
-        sent = other.frame_id - one.frame_id
-        assert sent == frames + lost, "a loss that was not counted"
-        megabytes = frames * other.data.nbytes / 1e6
+        megabytes = frames * frame.data.nbytes / 1e6
         print(
             f"{title:34s} {camera.name:10s} {frames / wall_s:7.1f} frames/s {megabytes / wall_s:7.1f} MB/s "
             f"{lost:3d} of {sent} lost; failed {counters.failed}, underrun {counters.underrun}, "
@@ -94,15 +117,15 @@ def main() -> None:
     ]
     with one_at_a_time():
         served = serve_cameras(simulated)
-        addresses = [emulator.address for emulator in served.emulators]
+        emulators = served.emulators
         for text in served.missing:
             print(text)
-        stream("11 fps, one camera", addresses[:1], 110, frame_rate_hz=11.0)
-        stream("11 fps, both cameras", addresses, 110, frame_rate_hz=11.0)
-        stream("60 fps, one camera", addresses[:1], 600, frame_rate_hz=60.0, exposure_s=0.001)
-        stream("as fast as it goes, one camera", addresses[:1], 1500, frame_rate_hz=1000.0, exposure_s=1e-4)
-        stream("as fast as it goes, both cameras", addresses, 1500, frame_rate_hz=1000.0, exposure_s=1e-4)
-        snaps(addresses[0], 30)
+        stream("11 fps, one camera", emulators[:1], 110, frame_rate_hz=11.0)
+        stream("11 fps, both cameras", emulators, 110, frame_rate_hz=11.0)
+        stream("60 fps, one camera", emulators[:1], 600, frame_rate_hz=60.0, exposure_s=0.001)
+        stream("as fast as it goes, one camera", emulators[:1], 1500, frame_rate_hz=1000.0, exposure_s=1e-4)
+        stream("as fast as it goes, both cameras", emulators, 1500, frame_rate_hz=1000.0, exposure_s=1e-4)
+        snaps(emulators[0].address, 30)
         served.stop()
     world.close()
 

@@ -12,13 +12,19 @@ from drivers.cameras.aravis.options import AravisOptions
 from drivers.cameras.aravis.pixels import Grey, frame_bytes, unpack
 from drivers.errors import DeviceFaultError
 
+_NO_ID = 2**64 - 1
+"""No camera counts so far: a buffer that comes back with it did not get the packet that tells its frame's id."""
+
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A buffer that came: the camera's frame id and time, and the image, None when packets of it are missing."""
+    """A buffer that came: the camera's frame id and time, and the image, None when packets of it are missing.
 
-    raw_id: int
-    camera_time_ns: int
+    Id and time are None when the first packet of the frame, the leader, is missing: it alone tells them.
+    """
+
+    raw_id: int | None
+    camera_time_ns: int | None
     image: Grey | None
     part: Grey | None = None
     """Of an incomplete image what came, the rest as it was in the buffer; only where it was asked for."""
@@ -54,7 +60,7 @@ class Acquisition:
         self._size = int(region.width), int(region.height)
         payload_bytes = camera.get_payload()
         for _ in range(buffers):
-            stream.push_buffer(aravis.Buffer.new_allocate(payload_bytes))
+            _lend(stream, aravis.Buffer.new_allocate(payload_bytes))
         self._is_gige = bool(camera.is_gv_device())
         self._stream = stream
         self._last = StreamCounters()
@@ -71,7 +77,7 @@ class Acquisition:
             try:
                 return self._arrival(buffer)
             finally:
-                stream.push_buffer(buffer)
+                _lend(stream, buffer)
 
     def counters(self) -> StreamCounters:
         """What Aravis counted so far; the last figures after `close`."""
@@ -93,8 +99,10 @@ class Acquisition:
             self._stream = None
 
     def _arrival(self, buffer: Any) -> Arrival:
-        raw_id, time_ns = int(buffer.get_frame_id()), int(buffer.get_timestamp())
-        whole = buffer.get_status() == self._aravis.BufferStatus.SUCCESS
+        raw_id, time_ns = buffer.get_frame_id(), buffer.get_timestamp()
+        if raw_id == _NO_ID:
+            raw_id = time_ns = None
+        whole = raw_id is not None and buffer.get_status() == self._aravis.BufferStatus.SUCCESS
         if not whole and not self._parts_too:
             return Arrival(raw_id, time_ns, None)
         data = buffer.get_data()
@@ -105,3 +113,9 @@ class Acquisition:
             data = data[:wanted].ljust(wanted, b"\0")
             return Arrival(raw_id, time_ns, None, unpack(data, self._format, *self._size))
         return Arrival(raw_id, time_ns, None)
+
+
+def _lend(stream: Any, buffer: Any) -> None:
+    """Let a stream fill a buffer; Aravis leaves the id of the frame before in it where a leader is lost."""
+    buffer.set_frame_id(_NO_ID)
+    stream.push_buffer(buffer)

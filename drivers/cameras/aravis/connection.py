@@ -47,7 +47,7 @@ class Connection:
         self._lock = threading.RLock()
         self._closing, self._wake = threading.Event(), threading.Event()
         self._pause_s = options.reconnect_s[0]
-        self._last_frame_s = clock.now_s()
+        self._last_frame_s = self._last_look_s = self._away_since_s = clock.now_s()
         self._lost_because = ""
         self._thread = threading.Thread(target=self._poll, name=f"{name}-frames", daemon=True)
         self._thread.start()
@@ -77,11 +77,18 @@ class Connection:
             self.settings = device.set(settings)
 
     def snap(self, timeout_s: float) -> Frame:
-        """One frame, triggered by command where the camera can; raises `DeviceTimeoutError`."""
+        """One frame, triggered by command where the camera can; raises `DeviceTimeoutError`.
+
+        A camera that falls silent meanwhile lets it take up to 10 s longer: Aravis's questions have to run out.
+        """
         doing = "taking a frame"
         deadline_s = self._clock.now_s() + timeout_s
         with self.command(doing) as device:
             device.arm("software" if self._can_be_triggered else "off")
+            device.answers()  # Aravis takes silence for a camera without streams
+            if self._clock.now_s() > deadline_s:
+                hint = "check the network (docs/drivers/aravis.md) and the cable"
+                raise DeviceTimeoutError(self._name, f"{doing}: it did not answer within {timeout_s:g} s", hint)
             acquisition = device.start(SNAP_BUFFERS)
             self._count.begin()
             try:
@@ -95,7 +102,7 @@ class Connection:
                 hint = "check exposure and time-out, the network (docs/drivers/aravis.md) and the cable"
                 raise DeviceTimeoutError(self._name, f"{doing}: none came within {timeout_s:g} s", hint)
             frame_id, _ = self._count.count(arrival.raw_id)
-            if arrival.image is None:
+            if arrival.image is None or arrival.camera_time_ns is None:
                 hint = "see docs/drivers/aravis.md for MTU and net.core.rmem_max"
                 raise DeviceTimeoutError(self._name, f"{doing}: packets of it were lost on the network", hint)
             time_ns = middle_ns(arrival.camera_time_ns, self.settings.exposure_s, self._options)
@@ -137,10 +144,14 @@ class Connection:
             self.stop()
         self._thread.join(CLOSE_TIMEOUT_S)
         with self._lock:
-            self._device = None
+            device, self._device = self._device, None
+            if device is not None:
+                with suppress(DeviceError):
+                    device.release()
 
     def _begin(self, device: Device) -> None:
         device.arm(self._options.trigger)
+        device.answers()
         self._count.begin()
         self._acquisition = device.start(self._options.stream_buffers)
         self._last_frame_s = self._clock.now_s()
@@ -156,7 +167,7 @@ class Connection:
                 self._wake.clear()
             elif (arrival := acquisition.pop(POP_S)) is not None:
                 now_s = self._last_frame_s = self._clock.now_s()
-                streaming.take(arrival, self.settings.exposure_s, round(1e9 * now_s))
+                streaming.take(arrival, self.settings, round(1e9 * now_s))
             self._check()
 
     def _check(self) -> None:
@@ -170,17 +181,18 @@ class Connection:
         else:
             settings = self.settings
             patience_s = self._options.stall_timeout_s + settings.exposure_s + 2.0 / settings.frame_rate_hz
-            if self._clock.now_s() - self._last_frame_s > patience_s:
+            if self._clock.now_s() - max(self._last_frame_s, self._last_look_s) > patience_s:
                 self._look_into_a_stall(patience_s)
 
     def _ask_at_rest(self, device: Device) -> None:
         """USB3 Vision has no heartbeat, so a camera that owes no frame is asked now and then."""
-        if device.is_gige or self._clock.now_s() - self._last_frame_s < self._options.stall_timeout_s:
+        last_s = max(self._last_frame_s, self._last_look_s)
+        if device.is_gige or self._clock.now_s() - last_s < self._options.stall_timeout_s:
             return
         try:
             with self.command("looking whether it is there") as device:
                 device.answers()
-                self._last_frame_s = self._clock.now_s()
+                self._last_look_s = self._clock.now_s()
         except DeviceError:
             self._lose("it does not answer")
 
@@ -192,7 +204,7 @@ class Connection:
             self._lose(f"no frame for {patience_s:.1f} s and no answer")
         else:
             _log.warning("%s: it answers, but no frame came for %.1f s", self._name, patience_s)
-            self._last_frame_s = self._clock.now_s()
+            self._last_look_s = self._clock.now_s()
 
     def _lose(self, because: str) -> None:
         with self._lock:
@@ -200,6 +212,8 @@ class Connection:
                 return
             self._device, self._lost_because = None, because
             acquisition, self._acquisition = self._acquisition, None
+            owes_frames = acquisition is not None and self._options.trigger == "off"
+            self._away_since_s = self._last_frame_s if owes_frames else self._clock.now_s()
             if acquisition is not None:
                 acquisition.close()
                 if self.streaming is not None:
@@ -219,10 +233,11 @@ class Connection:
             with self._lock:
                 if self._closing.is_set():
                     return
-                away_s = self._clock.now_s() - self._last_frame_s
+                if self.streaming is not None:
+                    self._begin(device)
+                away_s = self._clock.now_s() - self._away_since_s
                 if self.streaming is not None:
                     self._note_gap(self.streaming, away_s)
-                    self._begin(device)
                 self._device, self.settings = device, settings
         except DeviceError as error:
             _log.debug("%s: not back yet: %s", self._name, error)

@@ -133,6 +133,12 @@ class Device:
         """Whether the heartbeat still finds the camera, and us in control; sends nothing."""
         return not self.is_gige or bool(self._device.is_controller())
 
+    def release(self) -> None:
+        """Give up control of the camera; Aravis itself does it only when nobody holds this any more."""
+        if self.is_gige and self.is_ours():
+            with library_errors(self._name, "releasing the camera"):
+                self._device.leave_control()
+
     def answers(self) -> None:
         """Ask the camera for anything; raises when it does not answer."""
         with library_errors(self._name, "looking whether it answers"):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from drivers.cameras.aravis.acquisition import Arrival
 from drivers.cameras.aravis.counters import FrameGap, StreamCounters
+from drivers.cameras.aravis.device import Settings
 from drivers.cameras.aravis.frame_ids import FrameCount
 from drivers.cameras.aravis.options import AravisOptions
 from drivers.cameras.aravis.pixels import Grey
@@ -25,24 +26,27 @@ class Streaming:
         self._incomplete = self._missing = self._delivered_parts = 0
         self._gaps: list[FrameGap] = []
         self._before = StreamCounters()
+        self._last_times_ns: tuple[int, int] | None = None
 
-    def take(self, arrival: Arrival, exposure_s: float, host_time_ns: int) -> None:
+    def take(self, arrival: Arrival, settings: Settings, host_time_ns: int) -> None:
         """Count a buffer, and hand its frame to the reader when it may have it."""
         frame_id, missing = self._count.count(arrival.raw_id)
+        time_ns = self._camera_time_ns(arrival, settings, host_time_ns)
         image, status = arrival.image, FrameStatus.OK
         if image is None:
-            image, status = arrival.part, FrameStatus.INCOMPLETE
+            image, status = None if time_ns is None else arrival.part, FrameStatus.INCOMPLETE
         with self._lock:
             self._missing += missing
             if status is FrameStatus.INCOMPLETE:
                 self._incomplete += 1
                 self._delivered_parts += image is not None
-        if image is not None:
-            time_ns = middle_ns(arrival.camera_time_ns, exposure_s, self._options)
-            self.queue.put(make_frame(image, frame_id, time_ns, host_time_ns, status))
+        if image is not None and time_ns is not None:
+            middle = middle_ns(time_ns, settings.exposure_s, self._options)
+            self.queue.put(make_frame(image, frame_id, middle, host_time_ns, status))
 
     def interrupted(self, gap: FrameGap) -> None:
         """A camera came back: note the frames that were not made."""
+        self._last_times_ns = None
         with self._lock:
             self._missing += gap.missing
             self._gaps.append(gap)
@@ -71,6 +75,21 @@ class Streaming:
             return replace(
                 total, incomplete=self._incomplete, missing=self._missing, overrun=overrun, delivered=delivered
             )
+
+    def _camera_time_ns(self, arrival: Arrival, settings: Settings, host_time_ns: int) -> int | None:
+        """The camera's time of a frame; where it was lost, one period after the frame before, None before the first.
+
+        Of a triggered camera it is the host's time then, laid on the camera's clock by the frame before.
+        """
+        time_ns = arrival.camera_time_ns
+        if time_ns is None:
+            if self._last_times_ns is None:
+                return None
+            last_ns, last_host_ns = self._last_times_ns
+            free_running = self._options.trigger == "off"
+            time_ns = last_ns + (round(1e9 / settings.frame_rate_hz) if free_running else host_time_ns - last_host_ns)
+        self._last_times_ns = time_ns, host_time_ns
+        return time_ns
 
 
 def middle_ns(time_ns: int, exposure_s: float, options: AravisOptions) -> int:

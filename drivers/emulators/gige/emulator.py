@@ -53,6 +53,12 @@ class GigeEmulator:
         self._last_start_ns = 0
         self._last_port = 0
         self._lost_ratio = 0.0
+        self._sent_frames = 0
+
+    @property
+    def sent_frames(self) -> int:
+        """Frames that were due and sent since it was made, those included whose packets it lost."""
+        return self._sent_frames
 
     @property
     def address(self) -> str:
@@ -191,6 +197,7 @@ class GigeEmulator:
         except Exception:
             fake.lose_packets(1.0)
             _log.exception("%s: no image for a frame, so it is not sent", self.serial)
+        self._sent_frames += 1
 
     def _start_ns(self, fake: FakeCamera) -> int:
         """When the exposure begins: now when triggered, else at the whole period that is due; waits for the first.

@@ -9,7 +9,7 @@ import pytest
 from drivers.emulators.wire import WireFault
 from drivers.errors import DeviceBusyError, DeviceTimeoutError, NotConnectedError
 from drivers.interfaces import FrameStatus
-from tests.drivers.gige_rig import open_camera
+from tests.drivers.gige_rig import drained, is_true, open_camera, read_until
 
 pytestmark = pytest.mark.own_network
 
@@ -22,25 +22,6 @@ def whole(emulator):
     emulator.faults.clear()
     emulator.lose_packets(0.0)
     emulator.plug_in()
-
-
-def is_true(world, frame):
-    """Whether a frame is what the sensor sees at 2 ms, up to its noise."""
-    expected = 0.1 * 255 * world.irradiance("primary")
-    return float(np.max(np.abs(frame.data - expected))) < 12.0
-
-
-def read_until(camera, wanted, within_s=20.0):
-    """The first frame for which ``wanted`` holds, over any error on the way."""
-    deadline_s = time.monotonic() + within_s
-    while time.monotonic() < deadline_s:
-        try:
-            frame = camera.read(1.0)
-        except (DeviceTimeoutError, NotConnectedError):
-            continue
-        if wanted(frame):
-            return frame
-    raise AssertionError(f"no such frame within {within_s} s; {camera.status()}")
 
 
 def test_silence_times_out_and_the_stream_goes_on(world, emulator):
@@ -62,6 +43,7 @@ def test_silence_times_out_and_the_stream_goes_on(world, emulator):
 @pytest.mark.parametrize("incomplete_frames", ["count", "deliver"])
 def test_lost_packets_are_never_passed_as_good(world, emulator, incomplete_frames):
     with open_camera(**QUICK, incomplete_frames=incomplete_frames, buffer_frames=64) as camera:
+        before = emulator.sent_frames
         camera.start()
         first = camera.read()
         emulator.lose_packets(0.15)
@@ -80,10 +62,14 @@ def test_lost_packets_are_never_passed_as_good(world, emulator, incomplete_frame
         else:
             assert len(good) < len(frames)
             assert status.lost_frames >= jumps
+        _, sent = drained(emulator, camera)
+        status = camera.status()
+        assert status.delivered_frames + status.lost_frames == sent - before
 
 
 def test_a_lost_packet_of_a_snap_is_named(world, emulator):
-    with open_camera(**QUICK) as camera:
+    # with so small packets a frame of which half the packets are lost never comes whole
+    with open_camera(**QUICK, packet_size_bytes=1000) as camera:
         emulator.faults.inject(WireFault.PARTIAL, count=1)
         with pytest.raises(DeviceTimeoutError, match="primary: taking a frame"):
             camera.snap(timeout_s=2.0)
@@ -151,6 +137,17 @@ def test_a_camera_lost_at_rest_is_noticed_too(emulator):
             time.sleep(0.05)
         assert camera.snap().status is FrameStatus.OK
         assert camera.gaps() == ()
+
+
+def test_a_closed_camera_is_free_also_while_an_error_of_it_is_kept(emulator):
+    with open_camera(**QUICK) as camera:
+        emulator.faults.inject(WireFault.GARBLED)
+        with pytest.raises(DeviceTimeoutError) as kept:
+            camera.snap(timeout_s=0.5)
+        emulator.faults.clear()
+    with open_camera(**QUICK, name="second", open_timeout_s=0.5) as camera:
+        assert camera.snap().status is FrameStatus.OK
+    assert kept.value.__traceback__ is not None
 
 
 def test_closing_a_lost_camera_returns(emulator):
