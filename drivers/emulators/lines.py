@@ -6,6 +6,7 @@ A line keeps its address when it is stopped and started again, so ``stop`` is wh
 
 from __future__ import annotations
 
+import errno
 import os
 import pty
 import secrets
@@ -28,6 +29,10 @@ JOIN_TIMEOUT_S = 10.0
 CHUNK = 4096
 
 Transport = Literal["pty", "tcp"]
+
+
+class PortTakenError(OSError):
+    """Another program has the TCP port; end it, or take another port."""
 
 
 class Session(Protocol):
@@ -146,7 +151,12 @@ class TcpLine(_Line):
         return f"tcp://{LOOPBACK}:{self._port}"
 
     def _listen(self) -> None:
-        server = socket.create_server((LOOPBACK, self._port))
+        try:
+            server = socket.create_server((LOOPBACK, self._port))
+        except OSError as err:
+            if err.errno != errno.EADDRINUSE:
+                raise
+            raise PortTakenError(f"port {self._port} of {LOOPBACK} is in use by another program") from err
         server.setblocking(False)
         self._port = server.getsockname()[1]
         self._server = server
@@ -241,6 +251,40 @@ class PtyLine(_Line):
 
 
 Line = TcpLine | PtyLine
+
+
+class Lines:
+    """All lines to the same devices, started and stopped together; safe to use from any thread."""
+
+    def __init__(self, *lines: Line) -> None:
+        self._lines = lines
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """What a driver is given as its port, for each line."""
+        return tuple(line.address for line in self._lines)
+
+    def start(self) -> None:
+        """Serve on all of them, or on none. Raises `OSError` when an address is taken."""
+        try:
+            for line in self._lines:
+                line.start()
+        except OSError:
+            self.stop()
+            raise
+
+    def stop(self) -> None:
+        """Break all connections."""
+        for line in self._lines:
+            line.stop()
+
+
+def open_lines(
+    transport: Transport, open_session: Callable[[], Session], faults: WireFaults, *, port: int = 0, also_pty: bool
+) -> Lines:
+    """A line of the kind asked for, and a pseudo-terminal beside it; each has a session of its own."""
+    line = open_line(transport, open_session, faults, port=port)
+    return Lines(line, PtyLine(open_session, faults)) if also_pty else Lines(line)
 
 
 def open_line(

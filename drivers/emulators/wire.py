@@ -32,15 +32,20 @@ class WireFaults:
         """Begin a fault that strikes ``count`` answers, or all until `clear` when None."""
         if count is not None and count < 1:
             raise ValueError(f"a fault must strike at least once, not {count} times")
-        self._ended.clear()
+        if fault is WireFault.LATE:
+            self._ended.clear()
         with self._lock:
             self._left[fault] = count
 
-    def clear(self) -> None:
-        """End all faults."""
+    def clear(self, fault: WireFault | None = None) -> None:
+        """End one fault, or all of them; does nothing when there is none."""
         with self._lock:
-            self._left.clear()
-        self._ended.set()
+            if fault is None:
+                self._left.clear()
+            else:
+                self._left.pop(fault, None)
+        if fault in (None, WireFault.LATE):
+            self._ended.set()
 
     def outgoing(self, answer: bytes) -> bytes:
         """What of an answer goes over the wire; waits when it is late. Call it on the thread that answers."""

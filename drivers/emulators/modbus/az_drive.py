@@ -1,4 +1,7 @@
-"""The registers of an Oriental Motor AZ drive in front of a simulated motor; the addresses are the protocol table's."""
+"""The registers of an Oriental Motor AZ drive in front of a simulated motor; the addresses are the protocol table's.
+
+It reads 0 at its home, as a drive does whose home has no position of its own.
+"""
 
 from __future__ import annotations
 
@@ -103,12 +106,13 @@ class AzDrive:
         if not self._may_start():
             return
         _, kind, position, speed, start_rate, stop_rate, current, _ = (self._value(index) for index in range(8))
-        place_mm, limits = position / self._steps_per_mm, self._carriage.spec.limits
+        spec = self._carriage.spec
+        place_mm = round(spec.home + position / self._steps_per_mm, 9)
         if kind != ABSOLUTE or speed <= 0 or min(start_rate, stop_rate) <= 0 or not 0 < current <= 1000:
             self._own_alarm = ALARM_OPERATION_DATA
         elif not self._carriage.state().homed:
             self._own_alarm = ALARM_NOT_HOMED
-        elif not limits.contains(place_mm):
+        elif not spec.limits.contains(place_mm):
             self._own_alarm = ALARM_SOFTWARE_OVERTRAVEL
         else:
             self._reset_alarm = ""
@@ -141,7 +145,7 @@ class AzDrive:
         for place, value in (
             (PRESENT_ALARM, alarm),
             (COMMAND_POSITION, self._commanded),
-            (FEEDBACK_POSITION, round(state.reading * self._steps_per_mm)),
+            (FEEDBACK_POSITION, round((state.reading - self._carriage.spec.home) * self._steps_per_mm)),
         ):
             words[place], words[place + 1] = value >> 16 & 0xFFFF, value & 0xFFFF
         return words

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from drivers.clock import HostClock
-from drivers.emulators.lines import PtyLine, TcpLine
+from drivers.emulators.lines import Lines, PtyLine, TcpLine
 from drivers.emulators.modbus.az_drive import AzDrive
 from drivers.emulators.modbus.sessions import RtuSession, TcpSession
 from drivers.emulators.wire import WireFaults
@@ -28,6 +28,8 @@ class ModbusJacksEmulator:
         TCP port; 0 takes a free one.
     steps_per_mm : float
         What the drives are set to.
+    also_rtu : bool
+        Serve the same drives behind a pseudo terminal too.
     """
 
     def __init__(
@@ -37,21 +39,26 @@ class ModbusJacksEmulator:
         transport: Literal["rtu", "tcp"] = "rtu",
         port: int = 0,
         steps_per_mm: float = STEPS_PER_MM,
+        also_rtu: bool = False,
     ) -> None:
         self.faults = WireFaults()
         self.drives = tuple(AzDrive(carriage, steps_per_mm) for carriage in axis.carriages)
         units = dict(enumerate(self.drives, start=1))
         self._transport = transport
-        self._line: TcpLine | PtyLine
-        if transport == "tcp":
-            self._line = TcpLine(lambda: TcpSession(units), self.faults, port=port, clients=GATEWAY_CLIENTS)
-        else:
-            self._line = PtyLine(lambda: RtuSession(units, HostClock()), self.faults)
+        gateway = TcpLine(lambda: TcpSession(units), self.faults, port=port, clients=GATEWAY_CLIENTS)
+        serial = PtyLine(lambda: RtuSession(units, HostClock()), self.faults)
+        self._gateway = Lines(gateway) if transport == "tcp" else Lines()
+        self._serial = Lines(serial) if transport == "rtu" or also_rtu else Lines()
 
     @property
     def address(self) -> str:
         """What the driver is given."""
-        return self._line.address
+        return self.addresses[0]
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """The same for each of its lines."""
+        return (*self._gateway.addresses, *self._serial.addresses)
 
     @property
     def summary(self) -> str:
@@ -60,16 +67,17 @@ class ModbusJacksEmulator:
 
     def start(self) -> None:
         """Serve on loopback, or behind a pseudo terminal; after `stop` at the same address."""
-        self._line.start()
+        self._gateway.start()
+        self._serial.start()
 
     def stop(self) -> None:
         """Stop serving, as pulling the host's cable does; the drives stay powered."""
-        self._line.stop()
+        self._gateway.stop()
+        self._serial.stop()
 
     def power_cycle(self) -> None:
         """Switch the drives (and a gateway) off and on; a serial line does not notice."""
         for drive in self.drives:
             drive.power_cycle()
-        if self._transport == "tcp":
-            self._line.stop()
-            self._line.start()
+        self._gateway.stop()
+        self._gateway.start()

@@ -1,15 +1,19 @@
 """An XIMC controller: its settings, its counter in steps and microsteps, and the motor it drives.
 
 What differs from a real one: homing goes straight to the simulated stage's reference place, at its speed, whatever
-``shom`` says; a move that arrives during another one ends in an error instead of taking over.
+``shom`` says; a move that arrives during another one ends in an error instead of taking over. Where the motor has a
+second controller, of another maker, this one is homed by its own homing only: its counter has a zero of its own.
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from drivers.emulators.ximc.messages import ClippedError
-from drivers.simulated.carriage import LIMIT_SWITCH_HIT, Activity, Carriage, Ending
+from drivers.errors import DeviceBusyError
+from drivers.simulated.carriage import LIMIT_SWITCH_HIT, Activity, Carriage, CarriageState, Ending
 
 FINEST = 256
 """Parts of a step that the counter keeps, whatever the microstep mode is."""
@@ -62,7 +66,8 @@ class XimcController:
         self._command = 0
         self._failed = self._alarm = self._jolted = False
         self._complaints = 0
-        self._homing_ends_at: int | None = None
+        self._homed = self._motor.state().homed
+        self._offset_at_home: int | None = None
 
     def power_cycle(self) -> None:
         """Switch off and on: saved settings only, counter at 0, not homed."""
@@ -81,7 +86,7 @@ class XimcController:
             if code == "gets":
                 return self._status()
             if code == "gpos":
-                return (*self._place(), 0)
+                return (*self._place(self._motor.state()), 0)
             if code == "geti":
                 return (b"XIMC", b"SM", b"8SMC5", 5, 0, 0)
             if code == "gser":
@@ -120,7 +125,7 @@ class XimcController:
                 far = -(2**31) if code == "left" else 2**31
                 self._set_off(code, far)
             elif code == "loft":
-                self._set_off(code, self._count())
+                self._set_off(code, self._count(self._motor.state()))
 
     def _set(self, name: str, fields: tuple[int | bytes, ...]) -> None:
         clipped = False
@@ -136,15 +141,19 @@ class XimcController:
         """Microsteps per step of the mode that is set: 1 (full steps) to 256."""
         return 2 ** (int(self._settings["eng"][6]) - 1)
 
-    def _count(self) -> int:
-        return round(self._motor.state().reading * self._parts_per_unit) + self._offset
+    def _count(self, state: CarriageState) -> int:
+        if not state.homed:
+            self._homed = False
+        elif self._offset_at_home is not None:  # its homing is done, and the motor's reading has a new zero
+            self._offset, self._offset_at_home, self._homed = self._offset_at_home, None, True
+        return round(state.reading * self._parts_per_unit) + self._offset
 
     def _set_counter(self, count: int) -> None:
-        self._offset += count - self._count()
+        self._offset += count - self._count(self._motor.state())
 
-    def _place(self) -> tuple[int, int]:
+    def _place(self, state: CarriageState) -> tuple[int, int]:
         """The counter in steps and microsteps, both of its sign."""
-        count = self._count()
+        count = self._count(state)
         microsteps = abs(count) * self._division() // FINEST
         steps, parts = divmod(microsteps, self._division())
         return (steps, parts) if count >= 0 else (-steps, -parts)
@@ -153,17 +162,29 @@ class XimcController:
         if not self._ready_for(code):
             return
         if code == "movr":
-            count += self._count()
+            count += self._count(self._motor.state())
         speed = int(self._settings["mov"][0]) / self._steps_per_unit
-        self._motor.drive_to((count - self._offset) / self._parts_per_unit, speed)
+        with self._fails_when_busy():
+            self._motor.drive_to((count - self._offset) / self._parts_per_unit, speed)
 
     def _home(self) -> None:
         if self._ready_for("home"):
-            way = self._motor.spec.home - self._motor.true_position()
+            home = self._motor.spec.home
+            way = home - self._motor.true_position()
             # homing does not touch the counter; the motor's own starts anew there
-            self._homing_ends_at = self._count() + round(way * self._parts_per_unit)
-            self._motor.begin_home()
-            self._jolted = False
+            ends_at = self._count(self._motor.state()) + round(way * self._parts_per_unit)
+            with self._fails_when_busy():
+                self._motor.begin_home()
+                self._offset_at_home = ends_at - round(home * self._parts_per_unit)
+                self._jolted = False
+
+    @contextmanager
+    def _fails_when_busy(self) -> Iterator[None]:
+        """Its other controller was first."""
+        try:
+            yield
+        except DeviceBusyError:
+            self._failed = True
 
     def _ready_for(self, code: str) -> bool:
         """Whether a motion can begin; it ends in an error at once when not."""
@@ -180,7 +201,7 @@ class XimcController:
             self._jolted = self._jolted or moving
         if moving:
             self._command = MOVE_CODES[code]
-            self._homing_ends_at = None
+            self._offset_at_home = None
         self._motor.halt()
 
     def _settle(self) -> None:
@@ -188,9 +209,8 @@ class XimcController:
         state = self._motor.state()
         if state.activity is not Activity.RESTING:
             return
-        if self._homing_ends_at is not None and state.homed:
-            self._set_counter(self._homing_ends_at)
-        self._homing_ends_at = None
+        self._count(state)
+        self._offset_at_home = None
         if state.ending is Ending.FAULT and state.alarm and not self._failed:
             self._failed = True
             self._alarm = state.alarm != LIMIT_SWITCH_HIT
@@ -201,13 +221,13 @@ class XimcController:
         running = state.activity is not Activity.RESTING
         command = self._command | (RUNNING if running else 0) | (FAILED if self._failed else 0)
         flags = self._complaints
-        flags |= IS_HOMED if state.homed and not self._jolted else 0
+        steps, parts = self._place(state)
+        flags |= IS_HOMED if self._homed and not self._jolted else 0
         flags |= ALARM | CTP_ERROR if self._alarm else 0
         edges = 0
         if state.alarm == LIMIT_SWITCH_HIT:
             middle = (self._motor.spec.limits.low + self._motor.spec.limits.high) / 2.0
             edges = RIGHT_EDGE if self._motor.true_position() > middle else LEFT_EDGE
-        steps, parts = self._place()
         speed = int(self._settings["mov"][0]) if running else 0
         moving = 3 if running else 0
         return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 
-from drivers.emulators.lines import Transport, open_line
+from drivers.emulators.lines import Transport, open_lines
 from drivers.emulators.wire import WireFaults
 from drivers.emulators.ximc.controller import XimcController
 from drivers.emulators.ximc.messages import XimcSession
@@ -29,6 +29,8 @@ class XimcEmulator:
         "pty" or "tcp".
     port : int
         The TCP port, 0 for a free one.
+    also_pty : bool
+        Serve the same behind a pseudo-terminal too.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class XimcEmulator:
         steps_per_unit: float | None = None,
         transport: Transport = "pty",
         port: int = 0,
+        also_pty: bool = False,
     ) -> None:
         if len(axis.carriages) != 1:
             raise ValueError(f"{axis.name}: an XIMC controller drives one motor, not {len(axis.carriages)}")
@@ -46,12 +49,19 @@ class XimcEmulator:
         serial_number = zlib.crc32(axis.name.encode()) % 100_000
         self.controller = XimcController(axis.carriages[0], steps_per_unit or STEPS_PER_UNIT[unit], serial_number)
         self._name = axis.name
-        self._line = open_line(transport, lambda: XimcSession(self.controller), self.faults, port=port)
+        self._lines = open_lines(
+            transport, lambda: XimcSession(self.controller), self.faults, port=port, also_pty=also_pty
+        )
 
     @property
     def address(self) -> str:
         """What the driver is given as its port."""
-        return self._line.address
+        return self._lines.addresses[0]
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """The same for each of its lines."""
+        return self._lines.addresses
 
     @property
     def summary(self) -> str:
@@ -60,14 +70,14 @@ class XimcEmulator:
 
     def start(self) -> None:
         """Serve; also plugs it in again after `stop`. Raises `OSError` when the address is taken."""
-        self._line.start()
+        self._lines.start()
 
     def stop(self) -> None:
         """Stop serving, as pulling its plug does."""
-        self._line.stop()
+        self._lines.stop()
 
     def power_cycle(self) -> None:
         """Switch off and on: the connection breaks, what was not saved is gone, and it is not homed."""
-        self._line.stop()
+        self._lines.stop()
         self.controller.power_cycle()
-        self._line.start()
+        self._lines.start()

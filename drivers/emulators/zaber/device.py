@@ -1,7 +1,7 @@
 """A Zaber device: its settings, its axes, its warnings.
 
 What differs from a real one: a motion that is ordered during another one is rejected instead of taking over, and
-homing goes straight to the simulated stage's reference place, at its speed.
+homing goes straight to the simulated stage's reference place, at its speed. It reads 0 there.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
+from drivers.emulators.wire import WireFaults
 from drivers.emulators.zaber.session import Outcome
+from drivers.errors import DeviceBusyError
 from drivers.simulated.carriage import LIMIT_SWITCH_HIT, Activity, Carriage, Ending
 
 VELOCITY_SCALE = 16384 / 10000
@@ -25,14 +27,15 @@ class _AxisOfDevice:
     def __init__(self, motor: Carriage, microsteps_per_unit: float) -> None:
         self.motor = motor
         self.scale = microsteps_per_unit
+        self._home = round(motor.spec.home * microsteps_per_unit)
         speed = round(motor.spec.speed * microsteps_per_unit * VELOCITY_SCALE)
         acceleration = round(motor.spec.acceleration * microsteps_per_unit * VELOCITY_SCALE / 10000)
         self.settings = {
             "maxspeed": speed,
             "accel": acceleration,
             "limit.approach.maxspeed": round(motor.spec.homing_speed * microsteps_per_unit * VELOCITY_SCALE),
-            "limit.min": round(motor.spec.limits.low * microsteps_per_unit),
-            "limit.max": round(motor.spec.limits.high * microsteps_per_unit),
+            "limit.min": round(motor.spec.limits.low * microsteps_per_unit) - self._home,
+            "limit.max": round(motor.spec.limits.high * microsteps_per_unit) - self._home,
             "resolution": 64,
         }
         self._stopped = False
@@ -44,7 +47,7 @@ class _AxisOfDevice:
 
     @property
     def count(self) -> int:
-        return round(self.motor.state().reading * self.scale)
+        return round(self.motor.state().reading * self.scale) - self._home
 
     def flags(self) -> list[str]:
         """The warnings, gravest first."""
@@ -71,6 +74,12 @@ class _AxisOfDevice:
         """Begin a motion; why not, if not."""
         if self.busy:
             return "STATUSBUSY"
+        try:
+            return self._set_off(words)
+        except DeviceBusyError:  # its other controller was first
+            return "STATUSBUSY"
+
+    def _set_off(self, words: list[str]) -> str:
         match words:
             case ["home"]:
                 self._begin()
@@ -87,7 +96,10 @@ class _AxisOfDevice:
         if not _is_whole(target) or not self.settings["limit.min"] <= int(target) <= self.settings["limit.max"]:
             return "BADDATA"
         self._begin()
-        self.motor.drive_to(int(target) / self.scale, self.settings["maxspeed"] / VELOCITY_SCALE / self.scale)
+        # the microstep that is nearest to a limit may lie beyond it, by a part of one
+        limits = self.motor.spec.limits
+        place = min(max((int(target) + self._home) / self.scale, limits.low), limits.high)
+        self.motor.drive_to(place, self.settings["maxspeed"] / VELOCITY_SCALE / self.scale)
         return ""
 
     def _begin(self) -> None:
@@ -107,12 +119,18 @@ class ZaberDevice:
         Microsteps per mm or deg.
     serial_number : int
         What it tells as its own.
+
+    Attributes
+    ----------
+    faults : WireFaults
+        Strike its own replies only, beside those of its line.
     """
 
     def __init__(
         self, address: int, motors: Sequence[Carriage], microsteps_per_unit: float, serial_number: int
     ) -> None:
         self.address = address
+        self.faults = WireFaults()
         self._axes = [_AxisOfDevice(motor, microsteps_per_unit) for motor in motors]
         self._lock = threading.Lock()
         self._settings = {

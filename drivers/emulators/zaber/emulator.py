@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 
-from drivers.emulators.lines import Transport, open_line
+from drivers.emulators.lines import Transport, open_lines
 from drivers.emulators.wire import WireFaults
 from drivers.emulators.zaber.device import ZaberDevice
 from drivers.emulators.zaber.session import ZaberSession
@@ -24,10 +24,17 @@ class ZaberEmulator:
         "pty" or "tcp".
     port : int
         The TCP port, 0 for a free one.
+    also_pty : bool
+        Serve the same behind a pseudo-terminal too.
     """
 
     def __init__(
-        self, stages: Sequence[tuple[SimulatedAxis, float]], *, transport: Transport = "pty", port: int = 0
+        self,
+        stages: Sequence[tuple[SimulatedAxis, float]],
+        *,
+        transport: Transport = "pty",
+        port: int = 0,
+        also_pty: bool = False,
     ) -> None:
         self.faults = WireFaults()
         self.devices = [
@@ -35,12 +42,19 @@ class ZaberEmulator:
             for address, (axis, microsteps) in enumerate(stages, start=1)
         ]
         self._names = ", ".join(f"{axis.name} ({address})" for address, (axis, _) in enumerate(stages, start=1))
-        self._line = open_line(transport, lambda: ZaberSession(self.devices), self.faults, port=port)
+        self._lines = open_lines(
+            transport, lambda: ZaberSession(self.devices), self.faults, port=port, also_pty=also_pty
+        )
 
     @property
     def address(self) -> str:
         """What the driver is given as its port."""
-        return self._line.address
+        return self._lines.addresses[0]
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """The same for each of its lines."""
+        return self._lines.addresses
 
     @property
     def summary(self) -> str:
@@ -49,15 +63,15 @@ class ZaberEmulator:
 
     def start(self) -> None:
         """Serve; also plugs it in again after `stop`. Raises `OSError` when the address is taken."""
-        self._line.start()
+        self._lines.start()
 
     def stop(self) -> None:
         """Stop serving, as pulling its plug does."""
-        self._line.stop()
+        self._lines.stop()
 
     def power_cycle(self) -> None:
         """Switch all devices off and on: the connection breaks, and none is homed."""
-        self._line.stop()
+        self._lines.stop()
         for device in self.devices:
             device.power_cycle()
-        self._line.start()
+        self._lines.start()

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.emulators.wire import WireFaults
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -21,6 +23,7 @@ class Device(Protocol):
     """What carries commands out."""
 
     address: int
+    faults: WireFaults
 
     @property
     def checks(self) -> bool:
@@ -59,7 +62,8 @@ class ZaberSession:
             head = [f"{device.address:02d}", str(axis), *numbers[2:]]
             result = "RJ" if outcome.rejected else "OK"
             body = " ".join((*head, result, "BUSY" if outcome.busy else "IDLE", outcome.flag, outcome.data))
-            yield ("@" + body + (f":{_lrc(body)}" if device.checks else "") + "\r\n").encode("latin-1")
+            reply = "@" + body + (f":{_lrc(body)}" if device.checks else "") + "\r\n"
+            yield device.faults.outgoing(reply.encode("latin-1"))
 
 
 def _lrc(text: str) -> str:

@@ -38,6 +38,16 @@ class ModbusJackOptions(BaseModel):
     steps_per_mm: Positive = Field(default=100.0, description="steps of its drive per mm of height")
     height_at_zero_mm: Finite = Field(default=0.0, description="its height where its drive reads 0, mm")
 
+    @model_validator(mode="after")
+    def _homes_within_its_limits(self) -> ModbusJackOptions:
+        low, high = self.limits_mm
+        if not low <= self.height_at_zero_mm <= high:
+            raise ValueError(
+                f"height_at_zero_mm = {self.height_at_zero_mm:g}, where homing ends, must lie in limits_mm, "
+                f"{low:g} to {high:g}: widen the limits, or move the drive's home and give its height here"
+            )
+        return self
+
     @property
     def range_mm(self) -> Range:
         """Range of its height."""
@@ -46,10 +56,7 @@ class ModbusJackOptions(BaseModel):
     def steps(self, height_mm: float) -> int:
         """The whole step within the limits that is nearest to a height."""
         low, high = (self._exact(limit) for limit in self.limits_mm)
-        steps = min(max(round(self._exact(height_mm)), math.ceil(low)), math.floor(high))
-        if not low <= steps <= high:
-            raise ValueError(f"no whole step lies within the limits {self.limits_mm}")
-        return steps
+        return min(max(round(self._exact(height_mm)), math.ceil(low)), math.floor(high))
 
     def height_mm(self, steps: int) -> float:
         """The height at a step."""
@@ -96,8 +103,6 @@ class ModbusJacksOptions(BaseModel):
     def _two_drives(self) -> ModbusJacksOptions:
         if self.lower.unit == self.upper.unit:
             raise ValueError(f"both drives have the address {self.lower.unit}; give each its own")
-        for jack in (self.lower, self.upper):
-            jack.steps(jack.limits_mm[0])
         return self
 
     @property

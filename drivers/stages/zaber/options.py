@@ -26,4 +26,10 @@ class ZaberOptions(StageOptions):
             raise ValueError(f"speed = {self.speed:g} is less than the device's smallest")
         if native_acceleration(self.acceleration * self.microsteps_per_unit) < 1:
             raise ValueError(f"acceleration = {self.acceleration:g} is less than the device's smallest")
+        low, high = self.limits
+        if not low <= self.home_position <= high:
+            raise ValueError(
+                f"home_position = {self.home_position:g}, where homing ends, must lie in the limits "
+                f"{low:g} to {high:g}: widen the limits, or give the position where the device reads 0"
+            )
         return self

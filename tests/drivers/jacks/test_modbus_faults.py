@@ -159,30 +159,6 @@ def test_a_stop_before_the_first_poll_counts(rig):
     jacks.move_to(20.0)
 
 
-def test_neither_jack_leaves_its_own_limits():
-    with jack_rig("tcp") as rig:
-        heights = heights_on_the_way(rig)
-    assert len(heights) > 10
-    assert all(-0.011 <= height <= 42.011 for pair in heights for height in pair)
-
-
-def heights_on_the_way(rig):
-    jacks = rig.ready()
-    heights = []
-    clock = HostClock()
-
-    def look():
-        heights.append([carriage.true_position() for carriage in rig.simulated.carriages])
-
-    for target_mm in (84.0,):
-        began_s = clock.now_s()
-        looks = [clock.call_at(began_s + tick * 0.1, look) for tick in range(25)]
-        jacks.move_to(target_mm)
-        for appointment in looks:
-            appointment.cancel()
-    return heights
-
-
 def test_a_stopped_homing_leaves_the_jacks_not_homed():
     with jack_rig("rtu", start_mm=70.0) as rig:
         rig.driver.connect()

@@ -70,7 +70,15 @@ def test_refuses_a_wrong_map(tmp_path, old, new, words):
         ({"lower": {"unit": 2}}, "both drives have the address 2"),
         ({"lower": {"unit": 0}}, "greater than or equal to 1"),
         ({"upper": {"unit": 2, "limits_mm": (42.0, 0.0)}}, "must be low, then high"),
-        ({"upper": {"unit": 2, "steps_per_mm": 0.01, "limits_mm": (10.0, 20.0)}}, "no whole step lies within"),
+        (
+            {"lower": {"unit": 1, "limits_mm": (5.0, 42.0)}},
+            r"lower\n.* height_at_zero_mm = 0, where homing ends, must lie in limits_mm, 5 to 42: widen the limits",
+        ),
+        (
+            {"upper": {"unit": 2, "limits_mm": (0.0, 42.0), "height_at_zero_mm": 42.1}},
+            r"upper\n.*= 42\.1, where",
+        ),
+        ({"upper": {"unit": 2, "limits_mm": (-9.0, -1.0)}}, "height_at_zero_mm = 0, where homing ends"),
         ({"speed_mm_s": 0.0}, "greater than 0"),
         ({"serial": {"parity": "mark"}}, "'none', 'even' or 'odd'"),
         ({"adress": "/dev/ttyUSB0"}, "Extra inputs"),
@@ -86,6 +94,13 @@ def test_the_two_jacks_of_the_rig_are_the_default():
     assert (options.limits_mm.low, options.limits_mm.high) == (0.0, 84.0)
     assert [jack.unit for jack in options.jacks] == [1, 2]
     assert (options.serial.baudrate, options.serial.parity, options.serial.stopbits) == (115200, "even", 1)
+
+
+@pytest.mark.parametrize("height_mm", [5.0, 20.0, 42.0])
+def test_a_jack_may_home_anywhere_within_its_limits(height_mm):
+    lower = {"unit": 1, "limits_mm": (5.0, 42.0), "height_at_zero_mm": height_mm}
+    options = ModbusJacksOptions.model_validate({"address": "/dev/ttyUSB0", "lower": lower})
+    assert options.lower.height_mm(0) == height_mm
 
 
 @pytest.mark.parametrize("name", ["axis.modbus", "axis.manual"])

@@ -80,6 +80,16 @@ def test_refuses(name, options, words):
         ("axis.ximc", {"homing": {**HOMING, "stop_at": "wall"}}, "'limit', 'sync' or 'revolution'"),
         ("axis.zaber", {"address": 0}, "greater than or equal to 1"),
         ("axis.zaber", {"axis": 10}, "less than or equal to 9"),
+        (
+            "axis.zaber",
+            {"limits": [10.0, 50.0]},
+            "home_position = 0, where homing ends, must lie in the limits 10 to 50: widen the limits",
+        ),
+        (
+            "axis.zaber",
+            {"home_position": -0.1},
+            "home_position = -0.1, where homing ends, must lie in the limits 0 to 100",
+        ),
     ],
 )
 def test_refuses_what_its_maker_does_not_know(name, options, words):
