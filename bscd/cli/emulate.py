@@ -58,7 +58,7 @@ def register(app: typer.Typer) -> None:
         world = build_world(chosen, clock)
         if world is None:
             raise InputError(f"{config}: an emulated rig needs a [twin] section; take config/twin.toml")
-        rig = EmulatedRig(emulated_devices(chosen, clock, world, stages), stages, first_port)
+        rig = EmulatedRig(emulated_devices(chosen, clock, world), stages, first_port)
         ended = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ended.set())

@@ -8,11 +8,11 @@ from typing import Any
 from bscd.config import RigConfig
 from bscd.config.load import DEVICE_KINDS
 from drivers.clock import Clock
-from drivers.emulators.rig import StageProtocol, smallest_step
+from drivers.emulators.rig import smallest_step
 from drivers.registry import DriverContext, installed_drivers
 
 
-def emulated_devices(config: RigConfig, clock: Clock, world: Any, stages: StageProtocol) -> dict[str, Any]:
+def emulated_devices(config: RigConfig, clock: Clock, world: Any) -> dict[str, Any]:
     """Simulated devices for a configuration's names, its stages as fine as their controllers count."""
     registry = installed_drivers()
     devices: dict[str, Any] = {}
@@ -30,7 +30,7 @@ def emulated_devices(config: RigConfig, clock: Clock, world: Any, stages: StageP
             given = {"quantity": quantity, **given}
             if name in ("rotation", "translation"):
                 unit = "deg" if name == "rotation" else "mm"
-                given[f"resolution_{unit}"] = smallest_step(name, stages)
+                given[f"resolution_{unit}"] = smallest_step(name)
         devices[name] = registry[driver].build(given, DriverContext(name, clock, world))
     return devices
 

@@ -108,7 +108,7 @@ class Bench:
         from bscd.composition.emulated import emulated_devices, real_configuration  # the emulators are no rig's need
         from drivers.emulators.rig import EmulatedRig
 
-        self._emulated = EmulatedRig(emulated_devices(self.config, clock, self.world, "ximc"), first_port=None)
+        self._emulated = EmulatedRig(emulated_devices(self.config, clock, self.world), first_port=None)
         missing = self._emulated.start()
         if missing:
             raise InputError(f"the rig can not be emulated: {'; '.join(missing)}")

@@ -33,11 +33,8 @@ _STAGES = ("rotation", "translation")
 _UNITS = {"rotation": "deg", "translation": "mm"}
 
 
-def smallest_step(device: str, protocol: StageProtocol) -> float:
-    """What a stage's simulated mechanics must resolve for all its controllers to count it, mm or deg.
-
-    Whichever ``protocol`` is chosen: XIMC's microstep, for both are served and Zaber's is coarser.
-    """
+def smallest_step(device: str) -> float:
+    """What a stage's simulated mechanics must resolve for both its controllers, mm or deg: XIMC's microstep."""
     return 1.0 / (STEPS_PER_UNIT[_UNITS[device]] * MICROSTEPS)
 
 

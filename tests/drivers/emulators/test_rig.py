@@ -52,7 +52,7 @@ def serving(**options: dict[str, Any]) -> Iterator[TwoMakers]:
     def stage(name: str, model: Any, unit: str) -> SimulatedAxis:
         given = {
             f"repeatability_{unit}": 0.0,
-            f"resolution_{unit}": smallest_step(name, "zaber"),
+            f"resolution_{unit}": smallest_step(name),
             **options.get(name, {}),
         }
         return SimulatedAxis(model(**given), DriverContext(name, clock, world))
