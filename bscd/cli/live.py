@@ -6,12 +6,21 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import typer
 
 from bscd.cli.following import following
-from bscd.procedures import Progress, ProgressCallback
+from bscd.procedures import Progress, ProgressCallback, Rig
 from bscd.procedures.live import LiveCatchingUp, LiveEvent, LiveFailure, LiveFrame, LiveOutcome, LiveWarning
+from bscd.procedures.measuring import MeasureSettings
+from bscd.procedures.recording import InflationRecipe
+
+#: Half of each view, for the estimate: the membrane, without its ring and what is about it.
+_MEASURED_SHARE = 0.25
+
+BYTES_A_POINT = 170
+"""What a results file takes for a point of a frame."""
 
 
 @contextmanager
@@ -34,6 +43,16 @@ def live_progress() -> Iterator[tuple[ProgressCallback, Callable[[LiveEvent], No
             recorded(replace(now, doing=f"{now.doing}, {_told_frame(last[0])}") if last else now)
 
         yield progress, on_event
+
+
+def live_bytes(rig: Rig, recipe: InflationRecipe, settings: MeasureSettings, run: Path, results: Path) -> int:
+    """About what the results will take of the run's disk; 0 where they go to another one."""
+    folders = [path.absolute().parent for path in (run, results)]
+    if not all(folder.is_dir() for folder in folders) or folders[0].stat().st_dev != folders[1].stat().st_dev:
+        return 0
+    camera = rig.primary.info()
+    points = _MEASURED_SHARE * camera.width_px * camera.height_px / settings.step_px**2
+    return round(recipe.frame_count * points * BYTES_A_POINT)
 
 
 def told_live(outcome: LiveOutcome) -> str:

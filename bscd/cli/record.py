@@ -19,7 +19,7 @@ from bscd.cli.following import following
 from bscd.cli.live import live_bytes, live_progress, told_live
 from bscd.cli.terminal_operator import TerminalOperator
 from bscd.composition import build_devices, build_world
-from bscd.config import RigConfig, parse_config
+from bscd.config import RigConfig, load_config
 from bscd.errors import CheckFailedError, InputError
 from bscd.procedures import Progress, ProgressCallback, Rig
 from bscd.procedures.live import record_and_measure
@@ -32,6 +32,23 @@ from drivers.operator import Operator
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
 MANUAL_JACKS = "axis.manual"
 
+LONGEST_S = 90_000.0
+"""Longest ramp and longest hold of a recipe together."""
+
+#: What the command line has for a recipe's fields.
+_OPTIONS = {
+    "rest_kpa": "--rest",
+    "top_kpa": "--top",
+    "rest_frames": "--rest-frames",
+    "ramp_s": "--ramp (60 % of --duration where it is not given)",
+    "hold_s": "the hold (--duration less --ramp)",
+    "steps": "--steps",
+    "frame_rate_hz": "--rate",
+    "limit_kpa": "--limit",
+    "exposure_s": "--exposure (or [scan] exposure_s)",
+    "gain_db": "[scan] gain_db",
+}
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -42,7 +59,7 @@ def register(app: typer.Typer) -> None:
         config: Annotated[Path, typer.Option(help="The rig; the built-in twin without it.")] = DEFAULT_CONFIG,
         rate: Annotated[float, typer.Option(min=0.01, help="Frames a second.")] = 11.0,
         top: Annotated[float, typer.Option(help="Highest pressure, kPa.")] = 16.0,
-        duration: Annotated[float, typer.Option(min=0.1, help="Ramp and hold together, s.")] = 6.5,
+        duration: Annotated[float, typer.Option(min=0.1, max=LONGEST_S, help="Ramp and hold together, s.")] = 6.5,
         ramp: Annotated[float | None, typer.Option(help="Ramp alone, s; default: 60 % of the duration.")] = None,
         steps: Annotated[int, typer.Option(min=0, help="Equal steps of the ramp; 0: a linear ramp.")] = 0,
         rest: Annotated[float, typer.Option(help="Pressure of the reference frames, kPa.")] = 0.05,
@@ -73,8 +90,8 @@ def register(app: typer.Typer) -> None:
         """
         if calibration is None and (results is not None or step is not None):
             raise typer.BadParameter("--results and --step need --calibration")
+        chosen = load_config(config)
         text = config.read_text(encoding="utf-8")
-        chosen = parse_config(text, str(config))
         ramp_s = 0.6 * duration if ramp is None else ramp
         if not 0.0 < ramp_s <= duration:
             raise InputError(f"a ramp of {ramp_s:g} s does not fit a duration of {duration:g} s; change --ramp")
@@ -212,8 +229,13 @@ def _told(err: ValueError) -> str:
     if problems is None:
         return str(err)
     return "; ".join(
-        f"{'.'.join(map(str, one['loc']))} {one['msg'].removeprefix('Value error, ')}".strip() for one in problems()
+        f"{_named(one['loc'])} {one['msg'].removeprefix('Value error, ').replace('Input should', 'should')}".strip()
+        for one in problems()
     )
+
+
+def _named(place: tuple[int | str, ...]) -> str:
+    return _OPTIONS.get(str(place[0]), str(place[0])) if place else ""
 
 
 def _summary(done: Recording, recipe: InflationRecipe) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -19,6 +20,9 @@ from bscd.hdf5.states import FileState
 
 #: Room that is left on the disk, enough to close the file.
 RESERVE_BYTES = 8_000_000
+
+#: With less room nothing is written any more: HDF5 crashes the process when it can not flush.
+_LEAST_BYTES = 1_000_000
 
 
 def utc_now() -> datetime:
@@ -107,6 +111,7 @@ class GrowingFile:
     def writing(self, doing: str) -> Iterator[None]:
         """Give the file up when writing fails: what was flushed can be read, nothing more can be written."""
         try:
+            self._require_room()
             yield
         except (OSError, RuntimeError) as err:
             abandon(self.file)
@@ -128,6 +133,11 @@ class GrowingFile:
                 f"{self.path}: the disk is full ({free_bytes / 1e6:.0f} MB left); the frames before are kept, "
                 "make room to go on"
             )
+
+    def _require_room(self) -> None:
+        disk = os.fstatvfs(self._descriptor)
+        if disk.f_bavail * disk.f_frsize < _LEAST_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     @property
     def _descriptor(self) -> int:

@@ -75,6 +75,9 @@ def test_a_signal_ends_it_vented_and_readable(config, tmp_path):
         (["--ramp", "20"], "a ramp of 20 s does not fit a duration of 6.5 s; change --ramp"),
         (["--top", "3", "--limit", "2"], "limit_kpa = 2 must not be below top_kpa = 3"),
         (["--top", "40"], "top_kpa = 40 kPa is outside the pressure source's 0 to 16 kPa"),
+        (["--top", "inf"], "--top should be a finite number"),
+        (["--duration", "20000"], "the hold (--duration less --ramp) should be less than or equal to 3600"),
+        (["--duration", "6", "--ramp", "nan"], "a ramp of nan s does not fit a duration of 6 s; change --ramp"),
     ],
 )
 def test_what_can_not_be_is_told_in_a_line(config, tmp_path, capsys, options, told):
@@ -83,6 +86,34 @@ def test_what_can_not_be_is_told_in_a_line(config, tmp_path, capsys, options, to
     assert told in said
     assert len(said.splitlines()) == 1
     assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"config": "nowhere.toml"}, "nowhere.toml: can not be read (No such file or directory); name a TOML file"),
+        ({"config": "."}, "can not be read (Is a directory); name a TOML file"),
+        (
+            {"out": "nowhere/run.h5"},
+            "nowhere can not be reached (No such file or directory); make it, or",
+        ),
+    ],
+)
+def test_a_path_that_can_not_be_is_told_with_what_to_do(config, tmp_path, capsys, change, told):
+    places = {"out": "run.h5", "config": config} | change
+    code = bscd(["record", str(tmp_path / places["out"]), "--config", str(tmp_path / places["config"])])
+    said = capsys.readouterr().err
+    assert code == 1
+    assert told in said
+    assert "Errno" not in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_duration_without_an_end_is_bad_usage(config, tmp_path, capsys):
+    assert bscd(["record", str(tmp_path / "run.h5"), "--config", str(config), "--duration", "inf"]) == 2
+    said = capsys.readouterr().err
+    assert "--duration" in said
+    assert "ramp_s" not in said
 
 
 def test_recover_leaves_a_whole_run_and_makes_copies(recorded, tmp_path, capsys):

@@ -44,7 +44,6 @@ class Recorder:
         self._notes: deque[Callable[[], None]] = deque()
         self._handled = 0
         self._progress = threading.Condition()
-        self._alarmed = False
         self._last_flush_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self.failure: BscdError | None = None
@@ -57,9 +56,9 @@ class Recorder:
         """Add a reading to the run's pressure log, with the next frame."""
         self._notes.append(lambda: self._writer.log_pressure(reading))
 
-    def event(self, text: str) -> None:
-        """Keep a remark with the time of now, with the next frame."""
-        at = self._writer.time_text()
+    def event(self, text: str, at: str = "") -> None:
+        """Keep a remark with the time of now, or another (`RunWriter.time_text`), with the next frame."""
+        at = at or self._writer.time_text()
         self._notes.append(lambda: self._writer.event(text, at))
 
     def wait_idle(self, timeout_s: float) -> None:
@@ -103,7 +102,6 @@ class Recorder:
         if self.failure is not None:
             return
         try:
-            self._watch_ring()
             while self._notes:
                 self._notes.popleft()()
             what()
@@ -116,12 +114,3 @@ class Recorder:
         if self._writer.unflushed and time.monotonic() - self._last_flush_s > _IDLE_S:
             self._writer.flush()
             self._last_flush_s = time.monotonic()
-
-    def _watch_ring(self) -> None:
-        """Raise and end the alarm of a ring that fills up, with an event each."""
-        if self._ring.filling_up and not self._alarmed:
-            self._alarmed = True
-            self._writer.event(f"the disk falls behind: {self._ring.fill} of {self._ring.slots} buffers in use")
-        elif self._alarmed and self._ring.fill <= self._ring.slots // 4:
-            self._alarmed = False
-            self._writer.event("the disk has caught up")

@@ -48,6 +48,9 @@ class StreamSession:
         self.recorder = Recorder(writer, self.ring, self.account)
         self.time_base: TimeBase | None = None
         self._before = writer.frames_written
+        self._behind = False
+        self._refused = 0
+        self._refused_at = ""
 
     @property
     def written(self) -> int:
@@ -59,14 +62,29 @@ class StreamSession:
         missing = self.account.exposed(number, reason)
         if missing:
             self.recorder.event(f"{_frames(missing)} lost before frame id {record.frame_id}: {reason}")
-        if not self.ring.publish(number, record):
+        if self.ring.publish(number, record):
+            self._tell_refused(f"before frame id {record.frame_id}")
+        else:
             self.account.lose(number, RING_FULL)
+            self._refused_at = self._refused_at or self._writer.time_text()
+            self._refused += 1
+        self._watch_ring()
 
     def ended(self, count: int, reason: str) -> None:
         """No more frames of ``count`` exposures will come."""
         missing = self.account.ended(count, reason)
         if missing:
             self.recorder.event(f"{_frames(missing)} lost at the end: {reason}")
+
+    @property
+    def trouble(self) -> str:
+        """What whoever follows the recording should know now, a few words; empty when all is well."""
+        told = []
+        if self._behind:
+            told.append(f"the disk falls behind, {self.ring.fill} of {self.ring.slots} buffers in use")
+        if lost := self.account.lost:
+            told.append(f"{_frames(lost)} lost")
+        return ", ".join(told)
 
     def require_writing(self) -> None:
         """Raise the recorder's failure, if there is one."""
@@ -89,10 +107,13 @@ class StreamSession:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Write what waits, end the followers, keep the account."""
+        self._tell_refused("at the end")
         try:
             self.recorder.finish(_LAST_FRAMES_S)
         finally:
             told = self._close()
+        if self._behind and self.recorder.failure is None:
+            told.append("the disk has caught up")
         if self._writer.is_open:
             for text in told:
                 self._writer.event(text)
@@ -103,6 +124,22 @@ class StreamSession:
             self.require_writing()
             if why := self.account.difference(self.written):
                 raise BscdError(f"{self._writer.path}: the run is incomplete, {why}")
+
+    def _watch_ring(self) -> None:
+        """Raise and end the alarm of a ring that fills up, with an event each; here, since the recorder may hang."""
+        fill, slots = self.ring.fill, self.ring.slots
+        if self.ring.filling_up and not self._behind:
+            self._behind = True
+            self.recorder.event(f"the disk falls behind: {fill} of {slots} buffers in use")
+        elif self._behind and fill <= slots // 4:
+            self._behind = False
+            self.recorder.event("the disk has caught up")
+
+    def _tell_refused(self, where: str) -> None:
+        """Keep an event of the frames that found no buffer, with the time of the first."""
+        if self._refused:
+            self.recorder.event(f"{_frames(self._refused)} lost {where}: {RING_FULL}", self._refused_at)
+            self._refused, self._refused_at = 0, ""
 
     def _close(self) -> list[str]:
         """End the followers and free the ring; what went wrong with them."""

@@ -22,11 +22,17 @@ _RETRY_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """An exposure's number and frame; ``reason`` is why those since the one before did not come, if they did not."""
+    """An exposure's number and frame; ``reason`` is why those since the one before did not come, if they did not.
+
+    It did not begin before ``not_before_ns`` of the host's clock, where that is known. ``after_absence``: the camera
+    was away, or began to count anew, since the one before.
+    """
 
     number: int
     frame: Frame
     reason: str = BY_CAMERA
+    not_before_ns: int | None = None
+    after_absence: bool = False
 
 
 class NumberedFrames(Protocol):
@@ -51,16 +57,20 @@ class _Patience:
         self._heard_s = clock.now_s()
         self._tried_s = -_RETRY_S
         self.away = False
+        self.absent_ns: int | None = None
+        """When it was last found to be away, by the host's clock; None while it is there."""
 
     def heard(self) -> None:
         """A frame came."""
         self._heard_s = self._clock.now_s()
         self.away = False
+        self.absent_ns = None
 
     def nothing(self, error: DeviceError, until_s: float, *, streams: bool) -> None:
         """No frame came: wait until then, try to get a lost camera back; raises the error when it takes too long."""
         now_s = self._clock.now_s()
-        self.away = self.away or isinstance(error, NotConnectedError)
+        if isinstance(error, NotConnectedError):
+            self.away, self.absent_ns = True, round(now_s * 1e9)
         if now_s - self._heard_s > (self._away_s if self.away else self._silent_s):
             raise error
         if self.away and now_s - self._tried_s >= _RETRY_S:
@@ -83,6 +93,7 @@ class StreamedFrames:
         self._clock = clock
         self._rate_hz = rate_hz
         silent_s = camera.status().exposure_s + 1.0 / rate_hz + SILENT_S
+        self._started_ns = round(clock.now_s() * 1e9)
         camera.start()
         self._patience = _Patience(camera, clock, silent_s, away_s)
         self._first_id: int | None = None
@@ -96,17 +107,20 @@ class StreamedFrames:
         except (DeviceTimeoutError, NotConnectedError) as error:
             self._patience.nothing(error, until_s, streams=True)
             return None
-        reason = BY_CAMERA
-        if self._first_id is None:
+        if self._first_id is None or self._last is None:
             self._first_id = frame.frame_id - self._camera.status().lost_frames
-        elif self._patience.away and self._last is not None:
+            exposure = Exposure(frame.frame_id - self._first_id, frame, not_before_ns=self._started_ns)
+        elif self._patience.away or frame.frame_id <= self._last.frame.frame_id:
             gone_s = (frame.host_time_ns - self._last.frame.host_time_ns) * 1e-9
             number = self._last.number + max(1, round(gone_s * self._rate_hz))
             self._first_id = frame.frame_id - number
             reason = f"the camera was away for {gone_s:.1f} s; their number is by the clock"
+            exposure = Exposure(number, frame, reason, self._patience.absent_ns, after_absence=True)
+        else:
+            exposure = Exposure(frame.frame_id - self._first_id, frame)
         self._patience.heard()
-        self._last = Exposure(frame.frame_id - self._first_id, frame, reason)
-        return self._last
+        self._last = exposure
+        return exposure
 
 
 class SnappedFrames:
@@ -134,7 +148,7 @@ class SnappedFrames:
             self._clock.sleep(timeout_s)
             return None
         self._clock.sleep(due_s - now_s)
-        away = self._patience.away
+        away, asked_ns = self._patience.away, round(self._clock.now_s() * 1e9)
         try:
             frame = self._camera.snap(self._exposure_s + max(timeout_s, self._period_s))
         except (DeviceTimeoutError, NotConnectedError) as error:
@@ -142,4 +156,5 @@ class SnappedFrames:
             return None
         self._patience.heard()
         self._next = number + 1
-        return Exposure(number, frame, "the camera was away" if away else "not ready in time for the next exposure")
+        reason = "the camera was away" if away else "not ready in time for the next exposure"
+        return Exposure(number, frame, reason, asked_ns, after_absence=away)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from bscd.errors import InputError
 from bscd.procedures.progress import Progress, ProgressCallback, require_going
 from bscd.procedures.recording.clocks import ClockFit
 from bscd.procedures.recording.ending import safe_ending
+from bscd.procedures.recording.frame_times import FrameTimes
 from bscd.procedures.recording.frames import BY_CAMERA, Exposure, NumberedFrames, SnappedFrames, StreamedFrames
 from bscd.procedures.recording.pressure import PressureTrace, PressureWatch, come_to_rest
 from bscd.procedures.recording.recipes import InflationRecipe
@@ -59,9 +61,9 @@ def record_inflation(
     InputError
         The rig can not do it, or the file exists; nothing moved, no pressure was set.
     CheckFailedError
-        The pressure did not come to rest.
+        The pressure did not come to rest, or went above its limit before the first frame.
     ProcedureStoppedError
-        ``stop`` was set; looked at with every frame, and ten times a second without.
+        ``stop`` was set; looked at with every frame, and ten times a second without, from the first pressure on.
     BscdError
         The disk is full, gone or failed; what was written before is in the file.
     NotVentedError
@@ -70,7 +72,7 @@ def record_inflation(
         A device failed, or the camera was silent or away for too long.
     """
     path, storing = Path(path), storing or Storing()
-    require_inflation(rig, recipe, path)
+    require_inflation(rig, recipe, path, storing)
     source = rig.pressure
     if source is None:
         raise InputError("inflation: the rig has no pressure source; configure [devices.pressure]")
@@ -144,10 +146,12 @@ class _Inflation:
         rig, recipe = self._rig, self._recipe
         rig.primary.configure(exposure_s=recipe.exposure_s, gain_db=recipe.gain_db, frame_rate_hz=recipe.frame_rate_hz)
         self._source.set_pressure(recipe.rest_kpa)
-        come_to_rest(self._source, recipe, rig.clock)
+        noise_kpa = self._source.info().noise_kpa
+        come_to_rest(self._trace, self.watch, recipe, noise_kpa, rig.clock, self._stop)
         camera, status = rig.primary.info(), rig.primary.status()
-        readout_s = camera.width_px * camera.height_px / READOUT_RATE_PX_S
-        self._clocks = ClockFit(status.exposure_s, recipe.readout_s, readout_s)
+        likely_s, period_s = camera.width_px * camera.height_px / READOUT_RATE_PX_S, 1.0 / recipe.frame_rate_hz
+        fit = partial(ClockFit, status.exposure_s, recipe.readout_s, likely_s, period_s)
+        self._times = FrameTimes(fit, period_s, self._session.recorder.event)
         self._known: dict[str, Any] = {
             "exposure_s": status.exposure_s,
             "gain_db": status.gain_db,
@@ -160,11 +164,11 @@ class _Inflation:
         try:
             return self._follow(paced(rig.primary, rig.clock, recipe.frame_rate_hz, recipe.away_s))
         finally:
-            self._session.time_base = self._clocks.result()
+            self._session.time_base = self._times.result()
 
     def _follow(self, frames: NumberedFrames) -> Ending:
         """Take frames until all are there or the pressure ends it, and raise the pressure with them."""
-        count, first_ns = self._recipe.frame_count, None
+        count = self._recipe.frame_count
         while True:
             exposure = frames.next(_SLICE_S)
             done = self._session.account.acquired
@@ -175,27 +179,26 @@ class _Inflation:
                 if ending is not None or exposure is not None:
                     return ending or Ending.COMPLETED
                 continue
-            first_ns = exposure.frame.camera_time_ns if first_ns is None else first_ns
-            ending = self._take(exposure, first_ns)
+            ending = self._take(exposure)
             if ending is not None or exposure.number + 1 == count:
                 return ending or Ending.COMPLETED
             self._raise_pressure(exposure.number)
 
-    def _take(self, exposure: Exposure, first_ns: int) -> Ending | None:
+    def _take(self, exposure: Exposure) -> Ending | None:
         """Publish a frame with its pressure; what the pressure ends the inflation with, if it does."""
-        frame, middle_ns = exposure.frame, self._clocks.middle_ns(exposure.frame)
+        middle_ns, time_s = self._times.place(exposure)
         try:
             readings = self._trace.read()
         except DeviceError:
-            self._publish(exposure, first_ns, middle_ns)
+            self._publish(exposure, middle_ns, time_s)
             raise
-        self._publish(exposure, first_ns, middle_ns)
-        self.incomplete += frame.status is not FrameStatus.OK
-        told = f"{self._trace.latest_kpa:.2f} kPa"
+        self._publish(exposure, middle_ns, time_s)
+        self.incomplete += exposure.frame.status is not FrameStatus.OK
+        told = ", ".join(filter(None, (f"{self._trace.latest_kpa:.2f} kPa", self._session.trouble)))
         self._report(Progress(exposure.number + 1, self._recipe.frame_count, told))
         return self.watch.ending(readings)
 
-    def _publish(self, exposure: Exposure, first_ns: int, middle_ns: int) -> None:
+    def _publish(self, exposure: Exposure, middle_ns: int, time_s: float) -> None:
         frame = exposure.frame
         record = FrameRecord(
             camera="primary",
@@ -206,7 +209,7 @@ class _Inflation:
             host_time_ns=frame.host_time_ns,
             status=frame.status,
             pressure_kpa=self._trace.at_kpa(middle_ns),
-            time_s=(frame.camera_time_ns - first_ns) * 1e-9,
+            time_s=time_s,
             **self._known,
         )
         self._session.publish(exposure.number, record, exposure.reason)

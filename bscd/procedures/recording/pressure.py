@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from bscd.errors import CheckFailedError
+from bscd.procedures.progress import require_going
 from bscd.procedures.recording.recipes import InflationRecipe
 from bscd.procedures.recording.result import Ending
 from drivers.clock import Clock
@@ -69,10 +71,14 @@ class PressureWatch:
         self._counts = {Ending.LIMIT: 0, Ending.BURST: 0}
         self.reason = ""
 
-    def ending(self, readings: tuple[PressureReading, ...]) -> Ending | None:
-        """What these readings end the inflation with; None when they do not."""
+    def ending(self, readings: tuple[PressureReading, ...], *, resting: bool = False) -> Ending | None:
+        """What these readings end the inflation with; None when they do not.
+
+        While it comes to rest (``resting``) the pressure may fall.
+        """
         for kpa in (reading.pressure_kpa for reading in readings):
-            self._highest_kpa = max(self._highest_kpa, kpa)
+            if not resting:
+                self._highest_kpa = max(self._highest_kpa, kpa)
             fallen_kpa = self._highest_kpa - kpa
             burst = bool(self._fall) and fallen_kpa > max(self._fall * self._highest_kpa, 10.0 * self._noise_kpa, 0.1)
             high = kpa > self._limit_kpa + 3.0 * self._noise_kpa
@@ -88,23 +94,39 @@ class PressureWatch:
         return None
 
 
-def come_to_rest(source: PressureSource, recipe: InflationRecipe, clock: Clock) -> None:
-    """Let the pressure settle, then wait until it has been at rest for a few readings.
+def come_to_rest(
+    trace: PressureTrace,
+    watch: PressureWatch,
+    recipe: InflationRecipe,
+    noise_kpa: float,
+    clock: Clock,
+    stop: threading.Event | None,
+) -> None:
+    """Let the pressure settle, then wait until it has been at rest for a few readings, watched all the while.
 
-    Raises `CheckFailedError` when it does not come to rest in the recipe's time.
+    Raises `CheckFailedError` when it does not come to rest in the recipe's time or goes above its limit, and
+    `ProcedureStoppedError` when ``stop`` was set.
     """
-    clock.sleep(recipe.rest_settle_s)
-    allowed_kpa = recipe.rest_tolerance_kpa + 3.0 * known_noise_kpa(source.info().noise_kpa)
-    end_s = clock.now_s() + recipe.rest_timeout_s
+    allowed_kpa = recipe.rest_tolerance_kpa + 3.0 * known_noise_kpa(noise_kpa)
+    settled_s = clock.now_s() + recipe.rest_settle_s
+    end_s = settled_s + recipe.rest_timeout_s
     at_rest = 0
     while at_rest < _AT_REST_READINGS:
-        reading = source.read()
-        at_rest = at_rest + 1 if abs(reading.pressure_kpa - recipe.rest_kpa) <= allowed_kpa else 0
-        if not at_rest and clock.now_s() >= end_s:
+        require_going(stop, "inflation: before the first frame")
+        new = trace.read()
+        if watch.ending(new, resting=True) is not None:
             raise CheckFailedError(
-                f"inflation: the pressure is {reading.pressure_kpa:.3f} kPa after {recipe.rest_timeout_s:g} s, not "
-                f"{recipe.rest_kpa:g}; look for a leak, or allow more with rest_tolerance_kpa"
+                f"inflation: before the first frame {watch.reason}; look at the regulator and its supply"
             )
+        now_s = clock.now_s()
+        if now_s >= settled_s:
+            near = abs(trace.latest_kpa - recipe.rest_kpa) <= allowed_kpa
+            at_rest = at_rest + bool(new) if near else 0
+            if now_s >= end_s and not (near and new):
+                raise CheckFailedError(
+                    f"inflation: the pressure is {trace.latest_kpa:.3f} kPa after {recipe.rest_timeout_s:g} s, not "
+                    f"{recipe.rest_kpa:g}; look for a leak, or allow more with rest_tolerance_kpa"
+                )
         clock.sleep(_BETWEEN_READINGS_S)
 
 

@@ -8,8 +8,13 @@ from pathlib import Path
 
 from bscd.errors import InputError
 from bscd.procedures.recording.recipes import InflationRecipe, SphereRecipe
+from bscd.procedures.recording.storing import Storing
 from bscd.procedures.rehearsal import axis_problems, bytes_per_frame, camera_problems
 from bscd.procedures.rig import CameraRole, Rig
+
+#: What a run file takes beside its images at most, and with each frame.
+_FILE_BYTES = 1_000_000
+_ROW_BYTES = 1_000
 
 
 def require_sphere(rig: Rig, recipe: SphereRecipe, path: Path) -> None:
@@ -27,13 +32,19 @@ def sphere_problems(rig: Rig, recipe: SphereRecipe, path: Path, *, homed: bool =
     return problems
 
 
-def require_inflation(rig: Rig, recipe: InflationRecipe, path: Path) -> None:
-    """Raise `InputError` with all that keeps an inflation from being recorded."""
-    _refuse("inflation", inflation_problems(rig, recipe, path))
+def require_inflation(rig: Rig, recipe: InflationRecipe, path: Path, storing: Storing) -> None:
+    """Raise `InputError` with all that keeps an inflation from being recorded and stored so."""
+    kept_bytes = storing.reserve_bytes + storing.beside_bytes
+    _refuse("inflation", inflation_problems(rig, recipe, path, kept_bytes=kept_bytes))
 
 
-def inflation_problems(rig: Rig, recipe: InflationRecipe, path: Path, *, homed: bool = False) -> list[str]:
-    """What keeps an inflation from being recorded, a sentence each; ``homed``: the axes will be homed before."""
+def inflation_problems(
+    rig: Rig, recipe: InflationRecipe, path: Path, *, homed: bool = False, kept_bytes: int = 0
+) -> list[str]:
+    """What keeps an inflation from being recorded, a sentence each; ``homed``: the axes will be homed before.
+
+    ``kept_bytes`` of the disk are not for its frames.
+    """
     problems = axis_problems("jacks", rig.jacks, [rig.raised_mm], homed=homed) + _cameras(rig, ["primary"], recipe)
     exposure_s = recipe.exposure_s or rig.primary.status().exposure_s
     if exposure_s * recipe.frame_rate_hz > 1.0:
@@ -42,7 +53,7 @@ def inflation_problems(rig: Rig, recipe: InflationRecipe, path: Path, *, homed: 
         )
     problems += _pressure(rig, recipe)
     if not problems:
-        problems += _disk(rig, ["primary"], recipe.frame_count, path)
+        problems += _disk(rig, ["primary"], recipe.frame_count, path, kept_bytes)
     return problems
 
 
@@ -68,10 +79,20 @@ def _cameras(rig: Rig, roles: Sequence[CameraRole], recipe: SphereRecipe | Infla
     return problems
 
 
-def _disk(rig: Rig, roles: Sequence[CameraRole], frames: int, path: Path) -> list[str]:
-    needed = frames * sum(bytes_per_frame(rig.cameras[role]) for role in roles)
-    free = shutil.disk_usage(path.absolute().parent).free
-    return [f"it needs {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB free"] if needed > free else []
+def _disk(rig: Rig, roles: Sequence[CameraRole], frames: int, path: Path, kept_bytes: int = 0) -> list[str]:
+    needed = _FILE_BYTES + frames * (_ROW_BYTES + sum(bytes_per_frame(rig.cameras[role]) for role in roles))
+    folder = path.absolute().parent
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as err:
+        return [f"its folder {folder} can not be reached ({err.strerror}); make it, or choose another"]
+    if needed + kept_bytes <= free:
+        return []
+    kept = f" beside {kept_bytes / 1e6:.0f} MB that are kept free or written meanwhile" if kept_bytes else ""
+    return [
+        f"it needs {needed / 1e6:.0f} MB{kept}, the disk has {free / 1e6:.0f} MB free; "
+        "remove old runs, or choose another disk"
+    ]
 
 
 def _refuse(what: str, problems: list[str]) -> None:

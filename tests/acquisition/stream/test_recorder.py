@@ -1,7 +1,6 @@
 """The recorder: every frame in the file or in the account, whatever the disk does."""
 
 import os
-import re
 import shutil
 import threading
 import time
@@ -10,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bscd.acquisition import FrameLoss, RunFile, RunState, RunWriter
+from bscd.acquisition import RunFile, RunState, RunWriter
 from bscd.acquisition.stream import FrameAccount, FrameRing, LiveView, Recorder
 from bscd.errors import BscdError
 from tests.acquisition.stream.sources import camera, image, record
@@ -75,37 +74,6 @@ def test_compression_saves_what_the_frames_can_spare(tmp_path):
                 run.append(record(number, (512, 512)))
         sizes.append(path.stat().st_size)
     assert sizes[1] < 0.95 * sizes[0]
-
-
-def test_a_disk_that_falls_behind_raises_the_alarm_and_then_loses_counted_frames(stream):
-    held = threading.Event()
-    append = stream.writer.append
-
-    def slow(frame):
-        assert held.wait(30.0)
-        append(frame)
-
-    stream.writer.append = slow
-    stream.recorder.start()
-    stream.publish(*range(20))
-    assert stream.ring.filling_up
-    held.set()
-    stream.recorder.wait_idle(30.0)
-    stream.publish(20, 21)
-    stream.end()
-    assert stream.account.losses == (FrameLoss(16, 4, "the ring was full"),)
-    assert stream.writer.frames_written == 18
-    stream.writer.account(stream.account.acquired, stream.account.losses)
-    stream.writer.close()
-    with RunFile(stream.writer.path) as run:
-        behind, caught_up = (event.text for event in run.events)
-        # how many there were when the recorder looked
-        in_use = re.fullmatch(r"the disk falls behind: (\d+) of 16 buffers in use", behind)
-        assert in_use
-        assert int(in_use[1]) >= 12
-        assert caught_up == "the disk has caught up"
-        assert (run.frames_acquired, run.losses) == (22, stream.account.losses)
-        assert [frame.frame_id for frame in run.frames()] == [*range(1000, 1016), 1020, 1021]
 
 
 def test_what_is_not_written_any_more_is_counted_with_the_reason(stream, monkeypatch):
