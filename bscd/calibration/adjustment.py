@@ -45,11 +45,14 @@ class Solved:
 
 @dataclass(frozen=True)
 class Adjustment:
-    """Cameras ``seen`` together with the motion of what they saw, near the direction ``about``."""
+    """Cameras ``seen`` together with the motion of what they saw, near the direction ``about``.
+
+    ``image_size_px`` are (width, height) of their images.
+    """
 
     seen: Mapping[str, Seen]
     about: FloatArray
-    image_size_px: tuple[int, int]
+    image_size_px: Mapping[str, tuple[int, int]]
 
     def solve(self, motion: FloatArray, cameras: Mapping[str, FloatArray]) -> Solved:
         """Minimise the weighted residuals from a start. Raises `InputError` when it does not converge."""
@@ -82,7 +85,7 @@ class Adjustment:
             design[:, :, begin : begin + CAMERA_PARAMETERS] = by_camera
             residuals.append((self._misses(motion, camera, name) * weight).ravel())
             designs.append((design * weight[:, :, None]).reshape(-1, parameters.size))
-            for parameter, (value, sigma) in self._priors().items():
+            for parameter, (value, sigma) in self._priors(name).items():
                 residuals.append(np.array([(value - camera[parameter]) / sigma]))
                 designs.append(np.eye(1, parameters.size, begin + parameter) / sigma)
         return np.concatenate(residuals), np.concatenate(designs)
@@ -107,8 +110,8 @@ class Adjustment:
         ]
         return by_point @ moved, np.stack(by_camera, axis=-1)
 
-    def _priors(self) -> dict[int, tuple[float, float]]:
-        width, height = self.image_size_px
+    def _priors(self, name: str) -> dict[int, tuple[float, float]]:
+        width, height = self.image_size_px[name]
         sigma = _PRINCIPAL_POINT_PRIOR * width
         centre = {2: ((width - 1) / 2.0, sigma), 3: ((height - 1) / 2.0, sigma)}
         return centre | {place: (0.0, allowed) for place, allowed in _LENS_PRIORS.items()}

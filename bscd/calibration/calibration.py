@@ -82,6 +82,8 @@ class Calibration:
     """The median epipolar residual of a frame above which the rig counts as moved."""
     motion: TargetMotion
     """The target's motion in the world frame, as the reference scan measured it."""
+    image_size_px: Mapping[str, tuple[int, int]]
+    """(width, height) of the images that it is for, by camera ("primary", "auxiliary")."""
     reference: Mapping[str, DltCamera] = field(default_factory=dict)
     """The standard stereo pair ("primary", "auxiliary")."""
     figures: Mapping[str, float] = field(default_factory=dict)

@@ -50,15 +50,21 @@ class Lattice:
         return np.sqrt(np.einsum("nij,jk,nik->ni", design, self.motion_covariance, design))
 
 
-def adjust_lattice(views: Sequence[View], target: GridTarget, image_size_px: tuple[int, int]) -> Lattice:
+def adjust_lattice(
+    views: Sequence[View],
+    target: GridTarget,
+    image_size_px: tuple[int, int],
+    auxiliary_size_px: tuple[int, int] | None = None,
+) -> Lattice:
     """Adjust the lattice to all reference views (corner at POS.0, face scan, optional corner scan).
 
     Parameters
     ----------
     views
         Views of "primary" and "auxiliary"; at least the corner at POS.0 and two face positions of each.
-    image_size_px
-        (width, height): the principal point is held near the middle by a weak prior.
+    image_size_px, auxiliary_size_px
+        (width, height) of the primary camera's images and of the auxiliary one's (None: the same): the principal
+        points are held near the middle by a weak prior.
 
     Raises
     ------
@@ -68,7 +74,8 @@ def adjust_lattice(views: Sequence[View], target: GridTarget, image_size_px: tup
     seen = {name: _flatten(views, target, name) for name in _CAMERAS}
     cameras = corner_cameras(views, target, _CAMERAS)
     start = _first_motion(views, target, cameras)
-    adjustment = Adjustment(seen, start.direction, image_size_px)
+    sizes_px = {"primary": image_size_px, "auxiliary": auxiliary_size_px or image_size_px}
+    adjustment = Adjustment(seen, start.direction, sizes_px)
     blocks = {name: LensCamera.from_matrix(camera.matrix).parameters for name, camera in cameras.items()}
     solved = adjustment.solve(pack_motion(start), blocks)
     return Lattice(

@@ -31,6 +31,7 @@ def calibrate(
     image_size_px: tuple[int, int],
     choices: CalibrationChoices | None = None,
     *,
+    auxiliary_size_px: tuple[int, int] | None = None,
     origins: Mapping[str, str] | None = None,
     jack_mm: float = float("nan"),
     stage_sigma_mm: float = 0.0,
@@ -44,8 +45,8 @@ def calibrate(
         Of "primary" and "auxiliary", prism lowered: the corner at POS.0 and the scan.
     bsc_views
         Of "left" and "right", prism raised: the same poses and positions.
-    image_size_px
-        (width, height) of the whole sensor.
+    image_size_px, auxiliary_size_px
+        (width, height) of the primary camera's images and of the auxiliary one's (None: the same).
     stage_sigma_mm, stage_sigma_deg
         One-sigma repeatability of the stages: how far the target may have been from where the readings say.
 
@@ -61,7 +62,8 @@ def calibrate(
     _check_stages(reference_views, bsc_views)
     pair = corner_cameras(reference_views, target, ("primary", "auxiliary"))
     virtual = corner_cameras(bsc_views, target, ("left", "right"))
-    lattice = adjust_lattice(reference_views, target, image_size_px)
+    sizes_px = {"primary": image_size_px, "auxiliary": auxiliary_size_px or image_size_px}
+    lattice = adjust_lattice(reference_views, target, image_size_px, auxiliary_size_px)
     standard = pair_views(reference_views, "primary", "auxiliary")
     standard_xyz = triangulate_pairs(standard, pair, "primary", "auxiliary", chosen.triangulation)
     standard_error = lattice_error_mm(standard.select(standard.face_pose), standard_xyz[standard.face_pose], target)
@@ -101,6 +103,7 @@ def calibrate(
         noise,
         limit,
         lattice.motion,
+        sizes_px,
         pair,
         figures,
         dict(origins or {}),

@@ -22,17 +22,18 @@ from bscd.calibration.shifts import SHIFT_NAMES
 from bscd.errors import InputError
 
 FORMAT = "bscd-calibration"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 
 def calibration_checksum(calibration: Calibration) -> str:
-    """SHA-256 over the numbers and choices that determine every reconstruction."""
+    """SHA-256 over the numbers and choices that determine every reconstruction, and the images that they are for."""
     digest = hashlib.sha256()
     for camera in (calibration.left, calibration.right):
         digest.update(camera.coefficients.tobytes())
     for entry in fields(ControlPoints):
         digest.update(getattr(calibration.control, entry.name).tobytes())
     digest.update(repr(sorted(asdict(calibration.choices).items())).encode())
+    digest.update(repr(sorted(calibration.image_size_px.items())).encode())
     return digest.hexdigest()
 
 
@@ -97,6 +98,9 @@ def _write(calibration: Calibration, file: h5py.File) -> None:
         group["dlt_covariance"] = camera.covariance
         group["matrix"] = camera.matrix
         group.attrs["rms_px"] = camera.rms_px
+    sizes = file.create_group("image_size_px")
+    for name, size_px in calibration.image_size_px.items():
+        sizes[name] = np.array(size_px, np.int64)
     lenses = file.create_group("lenses")
     for name, lens in calibration.lenses.items():
         lenses[name] = lens.parameters
@@ -146,6 +150,11 @@ def _camera(group: h5py.Group) -> DltCamera:
     return DltCamera(_array(group, "dlt"), _array(group, "dlt_covariance"), _attributes(group)["rms_px"])
 
 
+def _size(file: h5py.File, name: str) -> tuple[int, int]:
+    width, height = (int(length) for length in _array(file, name))
+    return width, height
+
+
 def _read(file: h5py.File) -> Calibration:
     attributes = _attributes(file)
     cameras = {str(name): _camera(_group(file, f"cameras/{name}")) for name in _group(file, "cameras")}
@@ -166,6 +175,7 @@ def _read(file: h5py.File) -> Calibration:
             float(motion["corner_reading_deg"]),
             float(motion["face_reading_deg"]),
         ),
+        image_size_px={str(name): _size(file, f"image_size_px/{name}") for name in _group(file, "image_size_px")},
         reference=cameras,
         figures=_attributes(_group(file, "figures")),
         origins={name: str(text) for name, text in _attributes(_group(file, "origins")).items()},

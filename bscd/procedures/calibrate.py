@@ -54,6 +54,7 @@ def calibrate_runs(
         seen_bsc,
         target,
         choices,
+        auxiliary_size_px=(reference.cameras["auxiliary"].width_px, reference.cameras["auxiliary"].height_px),
         origins=origins_of(reference, bsc, now()),
         repeatability=stage_repeatability(bsc),
     )
@@ -65,11 +66,13 @@ def calibrate_observations(
     target: GridTarget,
     choices: CalibrationChoices | None = None,
     *,
+    auxiliary_size_px: tuple[int, int] | None = None,
     origins: Mapping[str, str] | None = None,
     repeatability: tuple[float, float] = (0.0, 0.0),
 ) -> Calibration:
     """Calibrate from the dots of both scans; ``repeatability`` is the stages', one sigma, (mm, deg).
 
+    ``auxiliary_size_px`` is (width, height) of the auxiliary camera's images (None: the same as the primary's).
     Raises `InputError` when the images differ in size, the biprism was not raised for the one scan alone, and for
     what `bscd.calibration.calibrate` refuses.
     """
@@ -84,6 +87,7 @@ def calibrate_observations(
         target,
         bsc.image_size_px,
         choices,
+        auxiliary_size_px=auxiliary_size_px,
         origins=origins,
         jack_mm=_raised_mm(reference, bsc),
         stage_sigma_mm=repeatability[0],

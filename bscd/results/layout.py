@@ -11,7 +11,7 @@ from bscd.hdf5 import FileKind
 RESULTS_FILE = FileKind(
     name="results file",
     definition="bscd_results",
-    version="1",
+    version="2",
     source="a file of bscd measure",
     restore="copy it again from where it was measured, or measure again",
     for_folder="give the file that bscd measure made",
@@ -66,6 +66,7 @@ COLUMNS: tuple[tuple[str, str, float, str, str], ...] = (
     ("time_s", "<f8", np.nan, "s", "time since the start of the inflation"),
     ("pressure_kpa", "<f8", np.nan, "kPa", "gauge pressure"),
     ("displacement_max_mm", "<f8", np.nan, "mm", "largest displacement of a valid point"),
+    ("epipolar_median_px", "<f8", np.nan, "px", "median distance of the matches from their epipolar lines"),
     ("valid_fraction", "<f8", np.nan, "", "part of the requested points that is valid"),
     (COMMIT_COLUMN, "<i8", -1, "", "number of the frame as recorded, from 0"),
 )

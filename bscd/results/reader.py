@@ -76,8 +76,8 @@ class ResultsFile(RecordedFile):
     def array(self, name: str) -> NDArray[Any]:
         """One quantity over all frames, ``(T, N, ...)``, or a value a frame, ``(T,)``.
 
-        ``name`` is a field of `FrameResult` with ``frame_number`` for ``number``, or ``displacement_max_mm`` or
-        ``valid_fraction``; another one is a `ValueError`.
+        ``name`` is a field of `FrameResult` with ``frame_number`` for ``number``, or ``displacement_max_mm``,
+        ``epipolar_median_px`` or ``valid_fraction``; another one is a `ValueError`.
         """
         if name not in _NAMES:
             raise ValueError(f"no quantity {name!r}; there are {', '.join(_NAMES)}")

@@ -190,9 +190,11 @@ def _summary(frame: FrameResult) -> dict[str, float]:
     """A frame's values of its own and over its points."""
     moved_mm = np.linalg.norm(np.asarray(frame.displacement_mm, np.float64)[frame.valid], axis=1)
     moved_mm = moved_mm[~np.isnan(moved_mm)]
+    beside_px = frame.epipolar_px[~np.isnan(frame.epipolar_px)]
     return {
         "time_s": frame.time_s,
         "pressure_kpa": frame.pressure_kpa,
         "displacement_max_mm": float(moved_mm.max()) if len(moved_mm) else np.nan,
+        "epipolar_median_px": float(np.median(beside_px)) if len(beside_px) else np.nan,
         "valid_fraction": float(np.mean(frame.valid)),
     }

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import h5py
 import numpy as np
 import pytest
 
@@ -142,8 +143,45 @@ def test_saved_and_loaded_it_reconstructs_the_same(tmp_path, solver, interpolant
     assert loaded.checksum == made.checksum
     assert loaded.figures == made.figures
     assert loaded.choices == made.choices
+    assert loaded.image_size_px == made.image_size_px == {"primary": SIZE, "auxiliary": SIZE}
     with pytest.raises(InputError, match="exists already"):
         made.save(tmp_path / "cal.h5")
+
+
+def test_it_is_for_the_image_sizes_of_each_camera(tmp_path):
+    rig = ExactRig(noise_px=0.05)
+    steps = {"positions": range(-3, 4)}
+    scans = rig.reference(**steps), rig.bsc(**steps), rig.target, SIZE
+    made, other = calibrate(*scans), calibrate(*scans, auxiliary_size_px=(1280, 1040))
+    other.save(tmp_path / "cal.h5")
+    assert Calibration.load(tmp_path / "cal.h5").image_size_px == {"primary": SIZE, "auxiliary": (1280, 1040)}
+    renamed = replace(made, image_size_px={"primary": SIZE, "auxiliary": (1280, 1040)})
+    assert renamed.checksum != made.checksum
+
+
+def test_the_principal_point_is_looked_for_in_the_middle_of_each_cameras_images():
+    """Rows added above the auxiliary camera's images move everything in them, and its calibration with them."""
+    rig, added = ExactRig(noise_px=0.01, seed=6), 400.0
+    steps = {"positions": range(-3, 4)}
+    reference, bsc = rig.reference(**steps), rig.bsc(**steps)
+    lower = [
+        replace(view, xy_px=view.xy_px + [0.0, added]) if view.camera == "auxiliary" else view for view in reference
+    ]
+    made = calibrate(reference, bsc, rig.target, SIZE)
+    moved = calibrate(lower, bsc, rig.target, SIZE, auxiliary_size_px=(1280, 1824))
+    first, second = (one.lenses["auxiliary"].parameters for one in (made, moved))
+    assert second[3] - first[3] == pytest.approx(added, abs=0.05)
+    np.testing.assert_allclose(moved.control.reference_mm, made.control.reference_mm, atol=1e-5)
+
+
+def test_a_file_of_an_older_version_is_refused(tmp_path):
+    make(ExactRig(noise_px=0.05), positions=range(-3, 4)).save(tmp_path / "cal.h5")
+    with h5py.File(tmp_path / "cal.h5", "r+") as file:
+        assert file.attrs["format_version"] == 3
+        file.attrs["format_version"] = 2
+        del file["image_size_px"]
+    with pytest.raises(InputError, match="another version of bscd; calibrate again from the run files"):
+        Calibration.load(tmp_path / "cal.h5")
 
 
 def test_files_that_are_no_calibration_are_named(tmp_path):

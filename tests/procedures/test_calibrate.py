@@ -47,6 +47,11 @@ class TestCalibrate:
         assert origins["time"] == "2026-01-02T03:04:05+00:00"
         assert calibration.jack_mm == 70.0
 
+    def test_it_is_for_images_like_those_of_its_runs(self, calibration: Calibration, runs: dict[str, RunFile]) -> None:
+        assert set(calibration.image_size_px) == {"primary", "auxiliary"}
+        for name, size_px in calibration.image_size_px.items():
+            assert size_px == (runs["reference"].cameras[name].width_px, runs["reference"].cameras[name].height_px)
+
     def test_both_scans_in_one_file_give_the_same(
         self, calibration: Calibration, runs: dict[str, RunFile], tmp_path: Path
     ) -> None:

@@ -53,8 +53,8 @@ def test_files_of_the_other_kind_are_named(path, tmp_path):
 
 def test_a_version_of_the_future_is_refused(path):
     with h5py.File(path, "r+") as file:
-        file["entry/definition"].attrs["version"] = "2"
-    with pytest.raises(InputError, match="version '2', this program reads version 1"):
+        file["entry/definition"].attrs["version"] = "3"
+    with pytest.raises(InputError, match="version '3', this program reads version 2"):
         ResultsFile(path)
 
 

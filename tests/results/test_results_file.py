@@ -1,5 +1,6 @@
 import hashlib
 import json
+import statistics
 import struct
 import tracemalloc
 from dataclasses import replace
@@ -114,6 +115,9 @@ def test_one_quantity_over_all_frames(tmp_path):
         moved = [np.linalg.norm(frame.displacement_mm[frame.valid], axis=1) for frame in measured]
         moved = [d.max() if len(d) else np.nan for d in moved]
         np.testing.assert_allclose(results.array("displacement_max_mm"), moved)
+        beside = [frame.epipolar_px[np.isfinite(frame.epipolar_px)] for frame in measured]
+        middle = [statistics.median(px.tolist()) if len(px) else np.nan for px in beside]
+        np.testing.assert_allclose(results.array("epipolar_median_px"), middle, rtol=1e-6)
         with pytest.raises(ValueError, match="no quantity 'w_mm'; there are xyz_mm, "):
             results.array("w_mm")
         with pytest.raises(IndexError, match="has 4 frames, there is none at 4"):
@@ -227,7 +231,7 @@ def test_the_checksum_is_that_of_the_documentation(tmp_path):
     order += " epipolar_px status left_px right_px"
     with h5py.File(path) as file:
         data, recording = file["entry/data"], file["entry/recording"]
-        over = hashlib.sha256(b"bscd_results 1\n" + recording["header_sha256"][()] + b"\n")
+        over = hashlib.sha256(b"bscd_results 2\n" + recording["header_sha256"][()] + b"\n")
         for k in range(3):
             digest = hashlib.sha256(struct.pack("<q", data["frame_number"][k]))
             digest.update(struct.pack("<2d", data["time_s"][k], data["pressure_kpa"][k]))

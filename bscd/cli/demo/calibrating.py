@@ -35,6 +35,7 @@ def calibrate(rig: Rig, config: RigConfig, text: str, out: Path) -> Calibrated:
             recipe = _recipe(config, kind=kind)
             record_scan(rig, recipe, target, out / f"{kind}.h5", config_text=text, progress=progress)
     with RunFile(out / "reference.h5") as reference, RunFile(out / "bsc.h5") as bsc:
+        auxiliary = reference.cameras["auxiliary"]
         with following("Dots", "images") as progress:
             seen = observe(reference, target, "reference", progress=progress)
             seen_bsc = observe(bsc, target, "bsc", progress=progress)
@@ -45,6 +46,7 @@ def calibrate(rig: Rig, config: RigConfig, text: str, out: Path) -> Calibrated:
             config.calibration.choices(),
             origins=origins_of(reference, bsc, datetime.now(UTC)),
             repeatability=stage_repeatability(bsc),
+            auxiliary_size_px=(auxiliary.width_px, auxiliary.height_px),
         )
         runs = origin(reference), origin(bsc)
     calibration.save(out / "calibration.h5")

@@ -6,16 +6,18 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
 from bscd.acquisition import FrameRecord, RunFile
 from bscd.arrays import BoolArray, FloatArray
-from bscd.dic.pool import LocalPool
+from bscd.dic.pool import LocalPool, MemoryFullError
 from bscd.dic.tracker_state import REFERENCE, TrackerState
-from bscd.errors import InputError
+from bscd.errors import BscdError
 from bscd.procedures.live.messages import Finish, LiveCatchingUp, LiveDone, LiveEvent, LiveFrame, LiveSetup, LiveWarning
 from bscd.procedures.measuring.beginning import Begun, begin, view_source
 from bscd.procedures.measuring.frames import FrameChoice, choose_frames, frame_records, reference_count
@@ -45,8 +47,12 @@ class ArrivedFrame:
 
 @dataclass(frozen=True, eq=False)
 class _Complete:
-    """Up to where the results are those of all frames: what to go on from when the run file is there."""
+    """Up to where the results are those of all frames: what to go on from when the run file is there.
 
+    ``number`` is the first frame's that is not among them, ``frames`` how many there are.
+    """
+
+    number: int
     frames: int
     states: tuple[TrackerState, TrackerState]
     stray: BoolArray
@@ -75,51 +81,73 @@ class LiveEngine:
 
     def push(self, frame: ArrivedFrame) -> None:
         """Measure the next frame that came; waits while enough are under way. Raises what went wrong with those."""
+        missed = frame.number != self._next
         if self._begun is None:
-            if frame.number != len(self._first):
+            if missed:
                 return  # the reference would not be the run's: all is left for the run file
             self._first.append(frame)
+            self._next = frame.number + 1
             self._begin_when_told(ended=False)
-        else:
+            return
+        if missed and self._complete is None:
+            self._drain()
+            self._complete = self._stand()
+        with suppress(MemoryFullError):  # left out, as one that did not come
             self._track(frame)
+            self._next = frame.number + 1
 
-    def finish(self, asked: Finish) -> LiveDone:
-        """End: wait for what is under way, and measure from the run file what did not come."""
+    def skip(self, number: int) -> None:
+        """The next frame that came is damaged: it has its number, and is not measured."""
+        if number == self._next:
+            self._next = number + 1
+
+    def finish(self, asked: Finish, require_wanted: Callable[[], None] = lambda: None) -> LiveDone:
+        """End: wait for what is under way, and measure from the run file what did not come.
+
+        ``require_wanted`` is called with each frame, and raises when nobody waits for it any more.
+        """
         if asked.run is None:
             self._begin_when_told(ended=True)  # else the run file knows better which frames are the reference
-        live = self._drained()
+        self._drained()
         caught_up = 0
         if asked.run is not None:
             with RunFile(asked.run) as run:
-                caught_up = self._catch_up(run, live)
-                if self._writer is not None:
-                    self._writer.name_run(run.uuid, run.checksum)
+                caught_up = self._catch_up(run, require_wanted)
+        frames = 0
         if self._writer is not None:
+            frames = self._writer.frames_written
             self._writer.close()
-        return LiveDone(live + caught_up, caught_up, self._pool.restarts)
+        return LiveDone(frames, caught_up, self._pool.restarts)
 
-    def close(self, reason: str) -> None:
-        """End everything; a results file that is not complete says why."""
-        if self._tracking is not None:
-            self._tracking.close()
-        if self._results.ident is not None:
-            self._under_way_put(None)
-            self._results.join()
-        if self._writer is not None:
-            self._writer.interrupt(reason)
-        self._linear_algebra.__exit__(None, None, None)
+    def close(self, reason: str, run: Path | None = None) -> None:
+        """End everything; a results file that is not complete says why, and what its run is where that is known."""
+        try:
+            if self._tracking is not None:
+                self._tracking.close()
+            if self._results.ident is not None:
+                self._under_way.put(None)
+                self._results.join()
+        finally:
+            if self._writer is not None:
+                _interrupt(self._writer, reason, run)
+            self._linear_algebra.__exit__(None, None, None)
 
     def _begin_when_told(self, *, ended: bool) -> None:
         pressures = np.array([frame.pressure_kpa for frame in self._first])
         count = reference_count(pressures, self._setup.phase, ended=ended)
         if self._begun is not None or count is None:
             return
-        self._begin([frame.images for frame in self._first[:count]])
+        taken = self._first[:count]
+        self._begin([frame.images for frame in taken], [frame.number for frame in taken])
         waiting, self._first = self._first, []
         for frame in waiting:
-            self._track(frame)
+            try:
+                self._track(frame)
+            except MemoryFullError:
+                self._next = frame.number  # it counts as one that did not come, and those after it
+                return
 
-    def _begin(self, taken: list[FrameImages]) -> None:
+    def _begin(self, taken: list[FrameImages], numbers: list[int]) -> None:
         setup = self._setup
         self._begun = begin(
             setup.calibration,
@@ -129,22 +157,26 @@ class LiveEngine:
             setup.settings,
             run_name=setup.run.file_name,
             warn=lambda text: self._tell(LiveWarning(text)),
+            numbers=numbers,
         )
         header = self._begun.header(setup.title, setup.run, setup.calibration_name)
         self._writer = ResultsWriter(setup.out, header, flush_every=_FLUSH_EVERY)
         self._tracking = PooledTracking(self._pool, self._begun, chunk=CHUNK)
-        self._results.start()
+        if self._results.ident is None:
+            self._results.start()
+
+    def _begin_anew(self, run: RunFile) -> None:
+        """Nothing that was measured counts."""
+        assert self._tracking is not None and self._writer is not None  # noqa: S101 - begun
+        self._tell(LiveWarning(f"{run.path}: its reference is another than it was live; all is measured once more"))
+        self._tracking.close()
+        self._writer.interrupt("its reference is not the run's")
+        self._writer.path.unlink()
+        self._begun = self._complete = self._writer = self._tracking = None
 
     def _track(self, frame: ArrivedFrame) -> None:
         assert self._tracking is not None  # noqa: S101 - begun
-        if frame.number != self._next and self._complete is None:
-            self._drain()
-            self._complete = self._stand()
-        self._next = frame.number + 1
         self._tracking.put(frame.images)
-        self._under_way_put(frame)
-
-    def _under_way_put(self, frame: ArrivedFrame | None) -> None:
         self._raise_failure()
         self._under_way.put(frame)
         self._raise_failure()
@@ -158,17 +190,16 @@ class LiveEngine:
         self._raise_failure()
 
     def _stand(self) -> _Complete:
-        assert self._tracking is not None and self._begun is not None  # noqa: S101 - begun
-        return _Complete(self._next, self._tracking.states(), self._begun.sequence.stray)
+        assert self._tracking is not None and self._begun is not None and self._writer is not None  # noqa: S101 - begun
+        return _Complete(self._next, self._writer.frames_written, self._tracking.states(), self._begun.sequence.stray)
 
-    def _drained(self) -> int:
-        """After all that is under way: how many frames the results have."""
+    def _drained(self) -> None:
+        """Wait for all that is under way."""
         if self._tracking is None:
-            return 0
+            return
         self._drain()
         if self._complete is None:
             self._complete = self._stand()
-        return self._complete.frames
 
     def _take_results(self) -> None:
         while (frame := self._under_way.get()) is not None:
@@ -188,44 +219,56 @@ class LiveEngine:
 
     def _hand_on(self, result: FrameResult, exposed_ns: int) -> None:
         assert self._writer is not None  # noqa: S101 - begun
-        provisional = self._complete is not None and result.number >= self._complete.frames
+        provisional = self._complete is not None and result.number >= self._complete.number
         if not provisional:
             self._writer.append(result)
         latency_s = (time.monotonic_ns() - exposed_ns) * 1e-9
         self._tell(thinned(result, self._writer.header.points_px, self._setup.event_points, latency_s, provisional))
 
-    def _catch_up(self, run: RunFile, known: int) -> int:
-        """Measure the frames of a run from number ``known`` on; returns how many."""
+    def _catch_up(self, run: RunFile, require_wanted: Callable[[], None]) -> int:
+        """Name the run, and measure its frames that the results do not have; returns how many."""
         setup = self._setup
         choice = choose_frames(run, setup.phase, setup.settings.stereo, setup.calibration.jack_mm)
+        numbers = [choice.numbers[place] for place in choice.reference]
+        if self._begun is not None and self._begun.numbers != tuple(numbers):
+            self._begin_anew(run)
         if self._begun is None:
-            self._begin([images_of(*pair) for pair in islice(frame_records(run, choice), len(choice.reference))])
+            taken = [images_of(*pair) for pair in islice(frame_records(run, choice), len(numbers))]
+            self._begin(taken, numbers)
             self._complete = self._stand()
         assert self._begun is not None and self._complete is not None and self._writer is not None  # noqa: S101 - begun
-        if choice.reference != self._begun.numbers:
-            raise InputError(
-                f"{run.path}: its reference are frames 0 to {len(choice.reference) - 1}, live it was 0 to "
-                f"{len(self._begun.numbers) - 1}, since pressures came late; measure it with bscd measure"
-            )
+        self._writer.name_run(run.uuid, run.checksum)
+        known = self._complete.frames
         needed = {number for state in self._complete.states for number in state.images} - {REFERENCE}
-        earlier = {number: images for number, _, images in _numbered(run, choice, sorted(needed))}
-        frames = _numbered(run, choice, range(known, len(choice)))
+        earlier = {place: images for place, _, images in _at(run, choice, sorted(needed))}
+        frames = _at(run, choice, range(known, len(choice)))
         self._begun.sequence.stray = self._complete.stray
         with PooledTracking(self._pool, self._begun, starts=self._complete.states, earlier=earlier) as tracking:
             done = 0
-            for (number, record), left, right in tracking.follow(((n, r), images) for n, r, images in frames):
+            if known < len(choice):
+                self._tell(LiveCatchingUp(done, len(choice) - known))
+            for (place, record), left, right in tracking.follow(((p, r), images) for p, r, images in frames):
                 measured = self._begun.sequence.combine(left, right)
+                require_wanted()
+                number = choice.numbers[place]
                 self._writer.append(self._begun.result(number, record.time_s, record.pressure_kpa, measured))
                 done += 1
                 self._tell(LiveCatchingUp(done, len(choice) - known))
         return done
 
 
-def _numbered(
-    run: RunFile, choice: FrameChoice, which: Sequence[int]
-) -> Iterator[tuple[int, FrameRecord, FrameImages]]:
-    for number, (primary, auxiliary) in zip(which, frame_records(run, choice, which), strict=True):
-        yield number, primary, images_of(primary, auxiliary)
+def _interrupt(writer: ResultsWriter, reason: str, run: Path | None) -> None:
+    """End results early; does nothing where they are complete."""
+    if run is not None and not writer.header.run.uuid:
+        with suppress(BscdError), RunFile(run) as named:
+            writer.name_run(named.uuid, named.checksum)
+    with suppress(BscdError):  # what keeps it from being written was told as the reason
+        writer.interrupt(reason)
+
+
+def _at(run: RunFile, choice: FrameChoice, places: Sequence[int]) -> Iterator[tuple[int, FrameRecord, FrameImages]]:
+    for place, (primary, auxiliary) in zip(places, frame_records(run, choice, places), strict=True):
+        yield place, primary, images_of(primary, auxiliary)
 
 
 def _greatest(w_mm: FloatArray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -11,10 +13,12 @@ from typing import Any, Self
 
 from numpy.typing import NDArray
 
-from bscd.dic.pool import MemoryFullError, SharedImage, WorkerLostError, end_program, start_program
+from bscd.dic.pool import MemoryFullError, SharedImage, start_program
 from bscd.errors import BscdError
 from bscd.procedures.live.messages import (
+    DamagedFrame,
     Finish,
+    GiveUp,
     LiveDone,
     LiveEvent,
     LiveFailure,
@@ -24,11 +28,18 @@ from bscd.procedures.live.messages import (
     PushedFrame,
     TakenFrame,
 )
+from bscd.procedures.live.outbox import Outbox
 
 #: Images that may wait in memory for the live process, MB: 17 s of a 1.3 MP camera at 11 fps. The reference takes a
 #: second or two to begin with, and what was recorded meanwhile as long again to be caught up with; one frame that is
 #: missed costs measuring all after it once more.
 WAITING_MB = 256.0
+
+#: However small they are, no more than these wait.
+_MOST_WAITING = 256
+
+#: The live process lends its workers images of its own while it follows: room for so many is left to it.
+_LEFT_IMAGES = 16
 
 #: Once there is nothing to catch up it ends in this time; catching up has ``finish``'s own time-out.
 _GRACE_S = 10.0
@@ -57,10 +68,12 @@ class LiveMeasurement:
         self._pushed = self._missed = 0
         self._latencies_s: list[float] = []
         self._done: LiveDone | None = None
-        self._ready = False
+        self._ready = self._ended = False
         self._failure = ""
+        self._heard_s = 0.0
         self._process, self._pipe = start_program("bscd.procedures.live.process")
-        self._pipe.send(setup)
+        self._outbox = Outbox(self._pipe)
+        self._outbox.put(setup)
         self._reader = threading.Thread(target=self._read, name="live events", daemon=True)
         self._reader.start()
 
@@ -109,68 +122,95 @@ class LiveMeasurement:
     ) -> bool:
         """Hand over a frame, without waiting; False when it was missed.
 
-        ``number`` counts the frames to be measured from 0, with no gap but for those that were missed; ``exposed_ns``
-        is when it was exposed by `time.monotonic_ns` (None: now). The image is copied.
+        ``number`` counts the frames as recorded from 0, with no gap but for those that were missed; ``exposed_ns`` is
+        when it was exposed by `time.monotonic_ns` (None: now). The image is copied.
         """
         exposed_ns = time.monotonic_ns() if exposed_ns is None else exposed_ns
         with self._lock:
-            waiting = sum(image.nbytes for image in self._images.values())
-            if self._failure or self._done or waiting + frame.nbytes > self._most_bytes:
+            if not self._has_room(frame.nbytes):
                 self._missed += 1
                 return False
             try:
-                image = SharedImage.holding(frame)
+                image = SharedImage.holding(frame, leave_bytes=_LEFT_IMAGES * frame.nbytes)
             except MemoryFullError:
                 self._missed += 1
                 return False
             self._images[image.name] = image
-        try:
-            self._pipe.send(PushedFrame(number, image, time_s, pressure_kpa, exposed_ns))
-        except OSError:
-            self._missed += 1  # the reader says why
-            return False
-        self._pushed += 1
+            self._outbox.put(PushedFrame(number, image, time_s, pressure_kpa, exposed_ns))
+            self._pushed += 1
         return True
 
-    def finish(self, run: Path | None, timeout_s: float) -> LiveDone:
+    def skip(self, number: int) -> None:
+        """Say that a frame came damaged: it is recorded and not measured. Does not wait."""
+        self._outbox.put(DamagedFrame(number))
+
+    def finish(
+        self,
+        run: Path | None,
+        timeout_s: float,
+        *,
+        most_s: float = math.inf,
+        leave: Callable[[], str] = lambda: "",
+    ) -> LiveDone:
         """Wait until all is measured, also the frames that were missed, from the finished run file.
 
-        Raises `BscdError` with the reason when live measuring failed, or is not done in ``timeout_s``; the run is whole
-        either way, and ``bscd measure`` measures it.
-        """
-        if not self._failure:
-            try:
-                self._pipe.send(Finish(run))
-            except OSError as error:
-                raise WorkerLostError(
-                    f"the live process is gone ({error}); measure the run with bscd measure"
-                ) from error
-        ends = time.monotonic() + timeout_s
-        with self._lock:
-            while self._done is None and not self._failure:
-                if time.monotonic() > ends:
-                    raise BscdError(f"live results are not done after {timeout_s:.0f} s; measure with bscd measure")
-                self._lock.wait(_LOOK_S)
-            if self._done is None:
-                raise BscdError(
-                    f"live measuring failed: {self._failure}; the run is whole, measure it with bscd measure"
-                )
-            return self._done
+        ``timeout_s`` counts from the last sign of progress, ``most_s`` from now. ``leave`` is asked all the while why
+        the rest is to be left, "" when it is not.
 
-    def close(self) -> None:
-        """End the live process; results that are not complete stay readable."""
-        self._process_ends()
-        self._reader.join()
+        Raises `BscdError` with the reason when live measuring failed or was left; the run is whole either way, and
+        ``bscd measure`` measures it.
+        """
+        with self._lock:
+            self._ended = True
+            begun_s = self._heard_s = time.monotonic()
+            if not self._failure:
+                self._outbox.put(Finish(run))
+        while True:
+            why = leave()
+            with self._lock:
+                if self._done is not None:
+                    return self._done
+                if self._failure:
+                    told = f"live measuring failed: {self._failure}; the run is whole, measure it with bscd measure"
+                    raise BscdError(told)
+                now_s = time.monotonic()
+                if not why and now_s - self._heard_s > timeout_s:
+                    why = f"no frame was measured for {timeout_s:.0f} s"
+                elif not why and now_s - begun_s > most_s:
+                    why = f"more than {most_s:.0f} s to catch up"
+                if why:
+                    self._outbox.put_instead(GiveUp(why, run))
+                    self._failure = why
+                    raise BscdError(f"live results are not complete: {why}; measure the run with bscd measure")
+                self._lock.wait(min(_LOOK_S, timeout_s, most_s))
+
+    def close(self, reason: str = "it was ended before all was measured") -> None:
+        """End the live process; results that are not complete stay readable, and say the reason."""
+        with self._lock:
+            self._ended = True
+            if self._done is None and not self._failure:
+                self._outbox.put_instead(GiveUp(reason))
+            if self._done is None and not self._ready:
+                self._process.terminate()  # it reads nothing while it loads
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait(_GRACE_S)
+        self._outbox.end(_GRACE_S)
+        self._reader.join(_GRACE_S)
+        self._pipe.close()
         with self._lock:
             images = list(self._images.values())
             self._images.clear()
         for image in images:
             image.release()
 
-    def _process_ends(self) -> None:
-        if self._done is None and not self._failure:
-            self._process.terminate()
-        end_program(self._process, self._pipe, _GRACE_S)
+    def _has_room(self, nbytes: int) -> bool:
+        """Whether one more image may wait."""
+        if self._ended or self._failure or self._done is not None or len(self._images) >= _MOST_WAITING:
+            return False
+        return sum(image.nbytes for image in self._images.values()) + nbytes <= self._most_bytes
 
     def _read(self) -> None:
         try:
@@ -184,6 +224,7 @@ class LiveMeasurement:
 
     def _take(self, message: Any) -> None:
         with self._lock:
+            self._heard_s = time.monotonic()
             if isinstance(message, TakenFrame):
                 self._images.pop(message.name).release()
                 return
@@ -207,5 +248,10 @@ class LiveMeasurement:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it."""
-        self.close()
+        """End it; what ended the block is the reason of results that are not complete."""
+        if error is None:
+            self.close()
+        elif isinstance(error, Exception):
+            self.close(str(error) or type(error).__name__)
+        else:
+            self.close("the program was asked to end")

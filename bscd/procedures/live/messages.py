@@ -42,13 +42,20 @@ class LiveSetup:
 
 @dataclass(frozen=True, eq=False)
 class PushedFrame:
-    """A frame on its way: its number among the measured frames, where its image is, when it was exposed."""
+    """A frame on its way: its number among the recorded frames, where its image is, when it was exposed."""
 
     number: int
     image: SharedImage
     time_s: float
     pressure_kpa: float
     exposed_ns: int
+
+
+@dataclass(frozen=True)
+class DamagedFrame:
+    """A frame that has a number among the recorded ones and is not measured."""
+
+    number: int
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,17 @@ class Finish:
     """No more frames come; what was missed is in this run file (None: nothing is caught up)."""
 
     run: Path | None
+
+
+@dataclass(frozen=True)
+class GiveUp:
+    """Nobody waits for the results any more: end at once, the results file as interrupted for this reason.
+
+    ``run`` is the finished run, None where there is none as yet.
+    """
+
+    reason: str
+    run: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 import math
 import statistics
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bscd.acquisition import RunFile, RunState
 from bscd.calibration import Calibration
 from bscd.errors import BscdError, InputError
 from bscd.procedures.live.follower import LiveFollower
 from bscd.procedures.live.measurement import WAITING_MB, LiveMeasurement
-from bscd.procedures.live.messages import LiveDone, LiveEvent, LiveSetup
+from bscd.procedures.live.messages import LiveDone, LiveEvent, LiveSetup, LiveWarning
 from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.measuring.beginning import view_source
 from bscd.procedures.measuring.frames import JACK_MM
-from bscd.procedures.recording import InflationRecipe, Recording, record_inflation
+from bscd.procedures.progress import ProcedureStoppedError
+from bscd.procedures.recording import InflationRecipe, NotVentedError, Recording, record_inflation
+from bscd.procedures.rehearsal import READOUT_RATE_PX_S
 from bscd.procedures.rig import Rig
 from bscd.results import Origin
 
-#: Catching up may take so long for each frame, and at least so long.
-_CATCH_UP_S = 10.0
+#: Catching up ends when for so long no frame was measured: a worker gets eight of them at once.
+_SILENT_S = 120.0
+
+#: After a recording that ended early catching up may take as long as that took, and at least so long.
 _LEAST_S = 60.0
+
+_STOPPED = "stopped as asked while frames were measured that had been left out"
 
 #: The live process loads its libraries before the recording begins, or what comes meanwhile would have to wait.
 _LOAD_S = 60.0
@@ -61,13 +69,16 @@ def record_and_measure(
     waiting_mb: float = WAITING_MB,
     title: str = "inflation",
     on_event: Callable[[LiveEvent], None] = lambda _: None,
+    at_once: Callable[[], bool] = lambda: False,
     **recording: Any,
 ) -> tuple[Recording, LiveOutcome]:
     """Record as `record_inflation` (``recording`` are its arguments) and measure each frame as it arrives into ``out``.
 
     No more than ``waiting_mb`` MB of images wait for it in memory. What it could not take in time is measured from the
-    run file when the membrane is vented, so every frame has its result. A measurement that fails never ends the
-    recording; its reason is in the outcome.
+    run file when the membrane is vented, so every frame has its result; also when the recording was stopped or failed,
+    of the frames that it has, before that is raised. A ``stop`` that comes meanwhile leaves the rest, and so does
+    ``at_once`` when it says that all is to end now, whatever asked for it before. A measurement that fails or is left
+    never ends the recording; its reason is in the outcome and in the results.
 
     Raises
     ------
@@ -96,13 +107,21 @@ def record_and_measure(
         workers=workers,
     )
     with LiveMeasurement(setup, on_event, waiting_mb=waiting_mb) as live:
-        _wait_ready(live, recording.get("stop"))
-        follower = LiveFollower(live)
+        stop: threading.Event | None = recording.get("stop")
+        _wait_ready(live, stop)
+        link_s = camera.width_px * camera.height_px / READOUT_RATE_PX_S
+        follower = LiveFollower(live, link_s if recipe.readout_s is None else recipe.readout_s)
         followers: Sequence[Any] = (*recording.pop("followers", ()), follower)
-        done = record_inflation(rig, recipe, path, title=title, followers=followers, **recording)
+        begun_s = time.monotonic()
+        try:
+            done = record_inflation(rig, recipe, path, title=title, followers=followers, **recording)
+        except Exception as error:
+            if not (isinstance(error, NotVentedError) or at_once()) and _has_frames(path):
+                _finish_early(live, path, error, time.monotonic() - begun_s, on_event, _leaving(stop, at_once))
+            raise
         failure, measured = "", LiveDone(0, 0, 0)
         try:
-            measured = live.finish(path, max(_LEAST_S, _CATCH_UP_S * done.frames))
+            measured = live.finish(path, _SILENT_S, leave=_leaving(stop, at_once))
         except BscdError as error:
             failure = str(error)
         return done, LiveOutcome(
@@ -121,6 +140,43 @@ def _wait_ready(live: LiveMeasurement, stop: Any) -> None:
     while not (live.wait_ready(_SLICE_S) or live.failure or time.monotonic() > ends):
         if stop is not None and stop.is_set():
             return
+
+
+def _leaving(stop: threading.Event | None, at_once: Callable[[], bool]) -> Callable[[], str]:
+    """What `LiveMeasurement.finish` asks: a stop that was asked for before this is no reason to leave."""
+    heard = stop is not None and stop.is_set()
+
+    def leave() -> str:
+        asked = stop is not None and stop.is_set()  # looked at anyhow: whoever watches sees that somebody does
+        return _STOPPED if at_once() or (asked and not heard) else ""
+
+    return leave
+
+
+def _has_frames(path: Path) -> bool:
+    """Whether a run has ended and has something to measure."""
+    try:
+        with RunFile(path) as run:
+            return run.state is not RunState.RECORDING and bool(len(run.table("primary", "inflation")))
+    except BscdError:
+        return False
+
+
+def _finish_early(
+    live: LiveMeasurement,
+    path: Path,
+    error: Exception,
+    took_s: float,
+    on_event: Callable[[LiveEvent], None],
+    leave: Callable[[], str],
+) -> None:
+    """Measure what a recording has that ended with an error; that one stays the error to report."""
+    if not isinstance(error, ProcedureStoppedError):
+        on_event(LiveWarning(f"the recording ended early, the frames that it has are measured: {error}"))
+    try:
+        live.finish(path, _SILENT_S, most_s=max(_LEAST_S, took_s), leave=leave)
+    except BscdError as why:
+        on_event(LiveWarning(str(why)))
 
 
 def figures(latencies_s: Sequence[float]) -> tuple[float, float]:

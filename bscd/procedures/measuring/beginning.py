@@ -16,6 +16,7 @@ from bscd.arrays import FloatArray
 from bscd.calibration import Calibration
 from bscd.dic import estimate_noise
 from bscd.errors import InputError
+from bscd.procedures.measuring.epipolar_watch import EpipolarWatch
 from bscd.procedures.measuring.geometry import BiprismGeometry, StandardGeometry
 from bscd.procedures.measuring.region import covered_mask, requested_points
 from bscd.procedures.measuring.sequence import Measured, PointStatus
@@ -51,9 +52,11 @@ class Begun:
     frame: FittedFrame | None
     gauge: StrainGauge | None
     noise_grey: tuple[float, float]
+    watch: EpipolarWatch
 
     def result(self, number: int, time_s: float, pressure_kpa: float, measured: Measured) -> FrameResult:
-        """A frame's result, with u, v, w and strains."""
+        """A frame's result, with u, v, w and strains; warns of the first that shows that the rig has moved."""
+        self.watch.look(number, measured)
         frame, gauge = self.frame, self.gauge
         count = len(measured.status)
         strain, principal, direction = (
@@ -125,8 +128,23 @@ class Begun:
         )
 
 
-def view_source(calibration: Calibration, size_px: tuple[int, int], settings: MeasureSettings) -> ViewSource:
-    """What makes views of images of a size (width, height); raises `InputError` where the calibration is not theirs."""
+def view_source(
+    calibration: Calibration,
+    size_px: tuple[int, int],
+    settings: MeasureSettings,
+    auxiliary_size_px: tuple[int, int] | None = None,
+) -> ViewSource:
+    """What makes views of images of the primary camera of a size (width, height), and of the auxiliary one's if given.
+
+    Raises `InputError` where the calibration is for images of another size.
+    """
+    for camera, now_px in (("primary", size_px), ("auxiliary", auxiliary_size_px)):
+        then_px = calibration.image_size_px[camera]
+        if now_px is not None and now_px != then_px:
+            raise InputError(
+                f"calibration: it is for {then_px[0]} x {then_px[1]} px of the {camera} camera, the run's images are "
+                f"{now_px[0]} x {now_px[1]} px; set region (ROI) and binning as when calibrated, or calibrate again"
+            )
     if settings.stereo == "standard":
         return ViewSource(None, settings.subset_px)
     return ViewSource(BiprismSplitter.of(calibration, (size_px[1], size_px[0]), settings.subset_px), settings.subset_px)
@@ -141,10 +159,11 @@ def begin(
     *,
     run_name: str,
     warn: Callable[[str], None],
+    numbers: Sequence[int] | None = None,
 ) -> Begun:
     """Match the views of the reference, the mean of the frames ``taken``; raises `InputError` where they do not match.
 
-    ``run_name`` is what messages call the run.
+    ``run_name`` is what messages call the run; ``numbers`` are those of the frames taken (None: the first ones).
     """
     reference = tuple(_mean(images) for images in zip(*taken, strict=True))
     views, first = source.views(reference), taken[0][0]
@@ -160,15 +179,35 @@ def begin(
         if settings.stereo == "biprism"
         else StandardGeometry(calibration)
     )
-    limit = settings.epipolar_limit_px or _EPIPOLAR_TIMES * calibration.epipolar_limit_px
+    limit = settings.epipolar_limit_px
+    if limit is None:
+        limit = _EPIPOLAR_TIMES * calibration.epipolar_limit_px
     sequence = MeasuredSequence(views, points, geometry, settings, noise, limit)
     if not sequence.reference.valid.any():
         raise InputError(f"{run_name}: {_why_nothing(sequence.reference, limit)}")
-    _warn_if_moved(calibration, sequence.reference, settings, warn)
+    biprism = settings.stereo == "biprism"
+    watch = EpipolarWatch(
+        sequence.reference,
+        limit_px=calibration.epipolar_limit_px if settings.corrected or not biprism else None,
+        refused_px=limit,
+        moved="camera or biprism have" if biprism else "primary or auxiliary camera have",
+        warn=warn,
+    )
     frame = _membrane_frame(sequence.reference, phase, warn)
     gauge = _gauge(points, sequence.reference, frame, settings, warn)
-    numbers = tuple(range(len(taken)))
-    return Begun(calibration, settings, phase, source, reference, numbers, sequence, frame, gauge, noise)
+    return Begun(
+        calibration,
+        settings,
+        phase,
+        source,
+        reference,
+        tuple(range(len(taken)) if numbers is None else numbers),
+        sequence,
+        frame,
+        gauge,
+        noise,
+        watch,
+    )
 
 
 def _mean(images: Sequence[np.ndarray]) -> np.ndarray:
@@ -188,17 +227,6 @@ def _why_nothing(reference: Measured, limit_px: float) -> str:
         "the reference frame's left and right view match nowhere inside the calibrated volume; "
         "is the calibration of this rig, and is the object in the volume?"
     )
-
-
-def _warn_if_moved(
-    calibration: Calibration, reference: Measured, settings: MeasureSettings, warn: Callable[[str], None]
-) -> None:
-    residual = float(np.nanmedian(reference.epipolar_px))
-    if settings.stereo == "biprism" and settings.corrected and residual > calibration.epipolar_limit_px:
-        warn(
-            f"the reference's median epipolar residual is {residual:.2f} px (limit {calibration.epipolar_limit_px:g}): "
-            f"camera or biprism have moved since the calibration; calibrate again"
-        )
 
 
 def _membrane_frame(reference: Measured, phase: PhaseName, warn: Callable[[str], None]) -> FittedFrame | None:

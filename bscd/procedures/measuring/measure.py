@@ -59,10 +59,14 @@ def measure_run(
     """
     settings = settings or MeasureSettings()
     choice = choose_frames(run, settings.phase, settings.stereo, calibration.jack_mm)
-    source = view_source(calibration, choice.size_px, settings)
+    warn = warn or (lambda _: None)
+    if choice.left_out:
+        warn(f"{run.path}: {choice.left_out}")
+    source = view_source(calibration, choice.size_px, settings, choice.auxiliary_size_px)
     taken = [images_of(*pair) for pair in islice(frame_records(run, choice), len(choice.reference))]
+    numbers = [choice.numbers[place] for place in choice.reference]
     begun = begin(
-        calibration, source, taken, choice.phase, settings, run_name=str(run.path), warn=warn or (lambda _: None)
+        calibration, source, taken, choice.phase, settings, run_name=str(run.path), warn=warn, numbers=numbers
     )
     header = begun.header(run.title, Origin(run.path.name, run.uuid, run.checksum), calibration_name)
     return Measurement(header, choice, begun.sequence, begun.frame, _frames(run, choice, begun, progress, pool))
@@ -105,10 +109,10 @@ def _frames(
     matched = _matched(frame_records(run, choice), begun) if pool is None else _by_pool(run, choice, begun, pool)
     ahead = one_ahead(matched) if begun.settings.threads != 1 or pool is not None else matched
     with plain_linear_algebra(), closing(matched), closing(ahead):
-        for number, (primary, measured) in enumerate(ahead):
+        for done, (number, (primary, measured)) in enumerate(zip(choice.numbers, ahead, strict=True), 1):
             yield begun.result(number, primary.time_s, primary.pressure_kpa, measured)
             if progress is not None:
-                progress(Progress(number + 1, len(choice), f"{choice.phase} frame {number}"))
+                progress(Progress(done, len(choice), f"{choice.phase} frame {number}"))
 
 
 def _matched(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any, get_args
 
-from bscd.acquisition.names import PhaseName
+from bscd.acquisition.names import PHASES, PhaseName
 from bscd.arrays import BoolArray
 from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
@@ -44,23 +47,44 @@ class MeasureSettings:
 
     def __post_init__(self) -> None:
         """Refuse what can not be measured with, in one sentence."""
-        if self.step_px < 1:
-            raise InputError(f"step_px: is {self.step_px}, at least 1 is needed")
-        if self.subset_px < 5 or self.subset_px % 2 == 0:
-            raise InputError(f"subset_px: is {self.subset_px}, an odd number of pixels from 5 is needed")
-        if not 0.0 < self.vsg_mm < float("inf"):
-            raise InputError(f"vsg_mm: is {self.vsg_mm}, a size above 0 is needed")
+        _require("step_px", self.step_px, _whole(self.step_px, 1), "a whole number of pixels from 1")
+        odd = _whole(self.subset_px, 5) and self.subset_px % 2 == 1
+        _require("subset_px", self.subset_px, odd, "an odd number of pixels from 5")
+        for name, known in (
+            ("stereo", get_args(StereoSource)),
+            ("phase", (None, *PHASES)),
+            ("stereo_shape", get_args(ShapeName)),
+            ("tracking_shape", get_args(ShapeName)),
+            ("lighting", get_args(Lighting)),
+        ):
+            value = getattr(self, name)
+            _require(name, value, any(value == one for one in known), f"one of {', '.join(map(str, known))}")
+        _require("zncc_min", self.zncc_min, _between(self.zncc_min, -1.0, 1.0), "a number between -1 and 1")
+        limit = self.epipolar_limit_px
+        _require(
+            "epipolar_limit_px",
+            limit,
+            limit is None or limit == math.inf or _between(limit, 0.0, math.inf),
+            "a distance above 0, or None for five times the calibration's limit for a frame,",
+        )
+        _require("vsg_mm", self.vsg_mm, _between(self.vsg_mm, 0.0, math.inf), "a size above 0")
+        _require(
+            "threads",
+            self.threads,
+            self.threads is None or _whole(self.threads, 1),
+            "a whole number from 1, or None for all cores,",
+        )
 
     def parameters(self) -> dict[str, str | bool | int | float]:
         """As a results file keeps them."""
         return {
-            "step_px": self.step_px,
-            "subset_px": self.subset_px,
+            "step_px": int(self.step_px),
+            "subset_px": int(self.subset_px),
             "stereo": self.stereo,
             "stereo_shape": self.stereo_shape,
-            "zncc_min": self.zncc_min,
+            "zncc_min": float(self.zncc_min),
             "strain": self.strain,
-            "vsg_limit_mm": self.vsg_mm,
+            "vsg_limit_mm": float(self.vsg_mm),
             "extrapolate": self.extrapolate,
             "corrected": self.corrected,
             "region": "given" if self.region is not None else "texture",
@@ -70,3 +94,17 @@ class MeasureSettings:
             "tracking_shape": self.tracking_shape,
             "lighting": self.lighting,
         }
+
+
+def _require(name: str, value: Any, fits: bool, needed: str) -> None:
+    if not fits:
+        raise InputError(f"{name}: is {value}, {needed} is needed")
+
+
+def _whole(value: Any, least: int) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
+
+
+def _between(value: Any, low: float, high: float) -> bool:
+    """Whether it is a number between two others, neither of them."""
+    return isinstance(value, Real) and not isinstance(value, bool) and low < float(value) < high

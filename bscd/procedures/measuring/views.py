@@ -47,18 +47,11 @@ class BiprismSplitter:
 
     @classmethod
     def of(cls, calibration: Calibration, shape: tuple[int, int], subset_px: int) -> BiprismSplitter:
-        """For a calibration's rig; raises `InputError` where its images are of another shape ``(H, W)``."""
+        """For a calibration's rig and images ``(H, W)``; raises `InputError` where its views are no halves."""
         control = calibration.control
         left_end, right_start = float(control.left_px[:, 0].max()), float(control.right_px[:, 0].min())
-        height, width = shape
         if not left_end < right_start:
             raise InputError("calibration: its left and right views overlap on the sensor; it is not of a biprism")
-        if right_start > width - 1 or control.left_px[:, 1].max() > height - 1:
-            raise InputError(
-                f"calibration: it has dots at column {control.right_px[:, 0].max():.0f}, row "
-                f"{control.left_px[:, 1].max():.0f}, the run's images are {width} x {height} px; "
-                f"use the calibration of this camera and image size"
-            )
         return cls((left_end + right_start) / 2.0, shape, subset_px)
 
     def __reduce__(self) -> tuple[type[BiprismSplitter], tuple[float, tuple[int, int], int]]:

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bscd.acquisition import CameraMeta, RunFile, RunWriter
+from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunWriter
 from bscd.errors import InputError
 from bscd.procedures.measuring import MeasureSettings, PointStatus, measure_run, measure_to_file
 from bscd.results import ResultsFile
-from tests.procedures.measuring.twin_runs import CAMERA, REST_KPA, TwinRuns, narrowed, write
+from bscd.results.export import export_csv
+from drivers.interfaces import FrameStatus
+from tests.procedures.measuring.twin_runs import CAMERA, LOWERED_MM, REST_KPA, TwinRuns, narrowed, write
 
 COARSE = MeasureSettings(step_px=25)
+NAN = float("nan")
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +109,65 @@ class TestFlagged:
         assert any("have moved since the calibration" in text for text in said)
 
 
+class TestBadFrames:
+    """Frames that did not come whole."""
+
+    def test_the_others_keep_their_numbers(self, wide, twin_runs, images, tmp_path):
+        records = [twin_runs.frame(image, k, REST_KPA + k) for k, image in enumerate([*images, images[1]])]
+        records[1] = replace(records[1], status=FrameStatus.INCOMPLETE)
+        said: list[str] = []
+        with RunFile(write(tmp_path / "run.h5", records)) as run:
+            settings = replace(COARSE, strain=False)
+            header = measure_to_file(wide, run, tmp_path / "results.h5", settings, warn=said.append)
+        with ResultsFile(tmp_path / "results.h5") as results:
+            assert results.frame_numbers().tolist() == [0, 2, 3]
+            np.testing.assert_allclose(results.array("time_s"), np.array([0, 2, 3]) / 11)
+            made = export_csv(results, tmp_path / "tables")
+        assert header.reference_frames == (0,)
+        assert [path.name for path in made] == ["frame_0000.csv", "frame_0002.csv", "frame_0003.csv"]
+        assert said == [
+            f"{tmp_path / 'run.h5'}: 1 of 4 inflation frames are left out: 1 incomplete in the primary camera (frame 1)"
+        ]
+
+    def test_one_at_rest_is_no_part_of_the_reference(self, wide, twin_runs, images, tmp_path):
+        rest = [twin_runs.frame(images[0], k, REST_KPA) for k in range(4)]
+        rest[1] = replace(rest[1], status=FrameStatus.INCOMPLETE)
+        records = [*rest, twin_runs.frame(images[1], 4, 1.65)]
+        with RunFile(write(tmp_path / "run.h5", records)) as run:
+            measurement = measure_run(wide, run, COARSE)
+            assert [frame.number for frame in measurement.frames] == [0, 2, 3, 4]
+        assert measurement.header.reference_frames == (0, 2, 3)
+
+    def test_of_different_cameras_of_the_pair(self, wide, twin_runs, tmp_path):
+        """No frame is measured with another's partner: all that is valid is where it truly is."""
+        states = [twin_runs.inflated(p)._replace(jack_mm=LOWERED_MM) for p in (REST_KPA, 1.0, 2.0, 4.0, 6.0)]
+        lost = {("primary", 1), ("auxiliary", 3)}
+        records = [
+            FrameRecord(
+                camera,
+                "inflation",
+                twin_runs.image(state, camera),
+                frame_id=k,
+                jack_mm=LOWERED_MM,
+                time_s=k / 11,
+                pressure_kpa=state.pressure_kpa,
+                status=FrameStatus.INCOMPLETE if (camera, k) in lost else FrameStatus.OK,
+            )
+            for k, state in enumerate(states)
+            for camera in ("primary", "auxiliary")
+        ]
+        with RunFile(write(tmp_path / "pair.h5", records, ("primary", "auxiliary"))) as run:
+            measurement = measure_run(wide, run, MeasureSettings(step_px=30, stereo="standard", strain=False))
+            frames = list(measurement.frames)
+        assert [frame.number for frame in frames] == [0, 2, 4]
+        material, speckled = twin_runs.material(measurement.sequence.points_px, states[0])
+        for frame in frames:
+            truth = twin_runs.world.surface_positions(material, states[frame.number])
+            error = np.linalg.norm(frame.xyz_mm - truth, axis=1)[frame.valid & speckled]
+            assert len(error) > 100
+            assert np.median(error) < 0.02
+
+
 class TestRefused:
     def test_a_reference_without_speckle(self, measured, images):
         with pytest.raises(InputError, match="no speckled surface in the left view"):
@@ -117,11 +179,37 @@ class TestRefused:
         with pytest.raises(InputError, match="match nowhere inside the calibrated volume"):
             measured([halves])
 
-    def test_a_calibration_of_another_image_size(self, wide, twin_runs, images, tmp_path):
-        small = [twin_runs.frame(np.ascontiguousarray(images[0][::2, ::2]), 0, REST_KPA)]
-        path = write(tmp_path / "small.h5", small, camera=CameraMeta(640, 512, 8))
-        with RunFile(path) as run, pytest.raises(InputError, match="the run's images are 640 x 512 px"):
+    @pytest.mark.parametrize(
+        ("width_px", "height_px", "made"),
+        [
+            (640, 512, lambda image: image[::2, ::2]),
+            (1280, 960, lambda image: image[32:-32]),
+            (1312, 1056, lambda image: np.pad(image, 16)),
+        ],
+        ids=["binned", "cropped", "larger"],
+    )
+    def test_a_calibration_of_another_image_size(self, wide, twin_runs, images, tmp_path, width_px, height_px, made):
+        frames = [twin_runs.frame(np.ascontiguousarray(made(images[0])), 0, REST_KPA)]
+        path = write(tmp_path / "other.h5", frames, camera=CameraMeta(width_px, height_px, 8))
+        said = (
+            f"calibration: it is for 1280 x 1024 px of the primary camera, the run's images are {width_px} x "
+            f"{height_px} px; set region \\(ROI\\) and binning as when calibrated, or calibrate again$"
+        )
+        with RunFile(path) as run, pytest.raises(InputError, match=said):
             measure_run(wide, run, COARSE)
+
+    @pytest.mark.parametrize("camera", ["primary", "auxiliary"])
+    @pytest.mark.parametrize(("width_px", "height_px"), [(1280, 960), (1312, 1056)])
+    def test_a_calibration_of_another_image_size_of_the_pair(self, wide, tmp_path, camera, width_px, height_px):
+        cameras = {"primary": CAMERA, "auxiliary": CAMERA, camera: CameraMeta(width_px, height_px, 8)}
+        path = tmp_path / "pair.h5"
+        with RunWriter(path, title="pair", cameras=cameras) as run:
+            for name, meta in cameras.items():
+                grey = np.full((meta.height_px, meta.width_px), 90, np.uint8)
+                run.append(FrameRecord(name, "sphere", grey, frame_id=0, jack_mm=LOWERED_MM))
+        said = f"for 1280 x 1024 px of the {camera} camera, the run's images are {width_px} x {height_px} px"
+        with RunFile(path) as run, pytest.raises(InputError, match=said):
+            measure_run(wide, run, replace(COARSE, stereo="standard"))
 
     def test_a_calibration_that_is_not_of_a_biprism(self, measured, images, wide):
         control = wide.control
@@ -142,12 +230,45 @@ class TestRefused:
             measure_run(replace(wide, lenses={}), run, replace(COARSE, stereo="standard"))
 
     @pytest.mark.parametrize(
-        ("settings", "said"),
-        [({"step_px": 0}, "step_px"), ({"subset_px": 20}, "odd"), ({"vsg_mm": 0.0}, "vsg_mm")],
+        ("name", "values", "needed"),
+        [
+            ("step_px", (0, -1, 2.5, 10.0, True, "10", None), "a whole number of pixels from 1 is needed"),
+            ("subset_px", (20, 3, 21.5, 21.0, -21, "21"), "an odd number of pixels from 5 is needed"),
+            ("stereo", ("foo", "", None), "one of biprism, standard is needed"),
+            (
+                "phase",
+                ("nope",),
+                "one of None, reference-corner, reference-face, bsc-corner, bsc-face, sphere, inflation is needed",
+            ),
+            ("stereo_shape", ("cubic", None), "one of translation, affine, curved, quadratic is needed"),
+            ("tracking_shape", ("cubic", 2), "one of translation, affine, curved, quadratic is needed"),
+            ("lighting", ("x", None), "one of uniform, linear is needed"),
+            ("zncc_min", (5.0, 1.0, NAN, None), "a number between -1 and 1 is needed"),
+            (
+                "epipolar_limit_px",
+                (-1.0, 0.0, 0, NAN, -np.inf, "1"),
+                "a distance above 0, or None for five times the calibration's limit for a frame, is needed",
+            ),
+            ("vsg_mm", (0.0, -6.0, NAN, np.inf, None), "a size above 0 is needed"),
+            ("threads", (0, -2, 1.5, True), "a whole number from 1, or None for all cores, is needed"),
+        ],
     )
-    def test_settings(self, settings, said):
-        with pytest.raises(InputError, match=said):
-            MeasureSettings(**settings)
+    def test_settings(self, name, values, needed):
+        for value in values:
+            with pytest.raises(InputError) as error:
+                MeasureSettings(**{name: value})
+            assert str(error.value) == f"{name}: is {value}, {needed}"
+
+    def test_settings_that_are_numbers_of_numpy_are_as_good(self):
+        given = {
+            "step_px": np.int64(7),
+            "subset_px": np.int32(19),
+            "vsg_mm": np.float32(5.0),
+            "zncc_min": np.float32(0.5),
+        }
+        kept = MeasureSettings(**given, epipolar_limit_px=np.inf).parameters()
+        assert {type(value) for value in kept.values()} <= {str, bool, int, float}  # all that a results file takes
+        assert (kept["step_px"], kept["subset_px"], kept["vsg_limit_mm"], kept["zncc_min"]) == (7, 19, 5.0, 0.5)
 
 
 class TestCutOff:

@@ -1,6 +1,7 @@
 """Which frames of a run are measured, and which are the reference."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from bscd.acquisition import CameraMeta, FrameRecord, RunFile, RunWriter
 from bscd.errors import InputError
-from bscd.procedures.measuring.frames import FrameChoice, choose_frames, frame_records
+from bscd.procedures.measuring.frames import FrameChoice, choose_frames, count_at_rest, frame_records, reference_count
 from drivers.interfaces import FrameStatus
 
 NAN = float("nan")
@@ -132,11 +133,109 @@ class TestOfAnImport:
         assert chosen.shown == [(1, 2)]
 
 
-def test_bad_frames_are_left_out(chosen):
-    records = inflation(0.05, 0.05, 1.0, 2.0)
-    records[2] = record(number=2, pressure_kpa=1.0, status=FrameStatus.INCOMPLETE)
-    assert chosen(records).reference == (0, 1)
-    assert chosen.shown == [(0,), (1,), (3,)]
+def bad(one: FrameRecord) -> FrameRecord:
+    return replace(one, status=FrameStatus.INCOMPLETE)
+
+
+class TestBadFrames:
+    def test_they_are_left_out_and_the_others_keep_their_numbers(self, chosen):
+        records = inflation(0.05, 0.05, 1.0, 2.0)
+        records[2] = bad(records[2])
+        choice = chosen(records)
+        assert choice.reference == (0, 1)
+        assert choice.numbers == (0, 1, 3)
+        assert choice.left_out == ("1 of 4 inflation frames are left out: 1 incomplete in the primary camera (frame 2)")
+        assert chosen.shown == [(0,), (1,), (3,)]
+
+    def test_at_rest_they_are_no_part_of_the_reference(self, chosen):
+        records = inflation(0.05, 0.05, 0.05, 0.3, 2.0)
+        records[0], records[2] = bad(records[0]), bad(records[2])
+        choice = chosen(records)
+        assert [choice.numbers[place] for place in choice.reference] == [1]
+        assert choice.numbers == (1, 3, 4)
+
+    def test_numbers_are_those_among_the_frames_of_the_pair_of_views(self, chosen):
+        records = [*BOTH_HEIGHTS, record(phase="sphere", number=7, jack_mm=70.0)]
+        records[3] = bad(records[3])
+        choice = chosen(records)
+        assert chosen.shown == [(1,), (7,)]
+        assert choice.numbers == (0, 2)
+
+    def test_none_is_named_where_there_is_none(self, chosen):
+        assert chosen(inflation(0.05, 1.0)).left_out == ""
+
+    def test_many_are_counted_and_the_first_are_named(self, chosen):
+        records = [*map(bad, inflation(*[0.05] * 8)), record(number=8)]
+        assert chosen(records).left_out == (
+            "8 of 9 inflation frames are left out: 8 incomplete in the primary camera (frames 0, 1, 2, 3, 4, ...)"
+        )
+
+    def test_nothing_but_bad_ones_is_refused_as_that(self, chosen):
+        said = r"none of its 2 inflation frames is whole: 2 incomplete in the primary camera \(frames 0, 1\); record"
+        with pytest.raises(InputError, match=said):
+            chosen([bad(one) for one in inflation(0.05, 1.0)])
+
+
+def pairs(*times_s, auxiliary_s=None, **known) -> list[FrameRecord]:
+    """Of both cameras, one after the other; frame k shows k in the primary camera and 100 + k in the auxiliary one."""
+    auxiliary_s = times_s if auxiliary_s is None else auxiliary_s
+    return [
+        *(record(phase="sphere", number=k, time_s=s, **known) for k, s in enumerate(times_s)),
+        *(record("auxiliary", phase="sphere", number=100 + k, time_s=s, **known) for k, s in enumerate(auxiliary_s)),
+    ]
+
+
+class TestWhatWasTakenTogether:
+    @pytest.mark.parametrize("timed", [True, False])
+    def test_a_bad_frame_of_either_camera_takes_its_partner_with_it(self, chosen, timed):
+        records = pairs(*(k / 11 if timed else NAN for k in range(5)), jack_mm=5.0)
+        records[1], records[5 + 3] = bad(records[1]), bad(records[5 + 3])
+        choice = chosen(records, stereo="standard")
+        assert chosen.shown == [(0, 100), (2, 102), (4, 104)]
+        assert choice.numbers == (0, 2, 4)
+        assert choice.left_out == (
+            "2 of 5 sphere frames are left out: 1 incomplete in the primary camera (frame 1), "
+            "1 incomplete in the auxiliary camera (frame 3)"
+        )
+
+    def test_a_frame_that_one_camera_lacks_is_told_by_the_times(self, chosen):
+        choice = chosen(pairs(0.0, 0.1, 0.2, 0.3, auxiliary_s=(0.0, 0.2, 0.3, 0.4), jack_mm=5.0), stereo="standard")
+        assert chosen.shown == [(0, 100), (2, 101), (3, 102)]
+        assert choice.numbers == (0, 2, 3)
+        assert choice.left_out.endswith("1 without an auxiliary image of its time (frame 1)")
+
+    def test_times_may_be_a_little_apart(self, chosen):
+        chosen(pairs(0.0, 0.1, 0.2, auxiliary_s=(0.0, 0.101, 0.198), jack_mm=5.0), stereo="standard")
+        assert chosen.shown == [(0, 100), (1, 101), (2, 102)]
+
+    def test_cameras_that_took_turns_are_paired_in_their_order(self, chosen):
+        chosen(pairs(0.0, 0.2, 0.4, auxiliary_s=(0.1, 0.3, 0.5), jack_mm=5.0), stereo="standard")
+        assert chosen.shown == [(0, 100), (1, 101), (2, 102)]
+
+    def test_times_that_are_all_the_same_tell_nothing(self, chosen):
+        chosen(pairs(0.0, 0.0, 0.0, jack_mm=5.0), stereo="standard")
+        assert chosen.shown == [(0, 100), (1, 101), (2, 102)]
+
+    def test_in_whatever_order_they_stand(self, chosen):
+        chosen(pairs(0.0, 0.1, 0.2, auxiliary_s=(0.2, 0.0, 0.1), jack_mm=5.0), stereo="standard")
+        assert chosen.shown == [(0, 101), (1, 102), (2, 100)]
+
+    @pytest.mark.parametrize("timed", [True, False])
+    def test_both_cameras_at_both_heights(self, chosen, timed):
+        records = [
+            record(camera, phase="sphere", number=number + 100 * (camera == "auxiliary"), jack_mm=jack, time_s=s)
+            for number, (jack, s) in enumerate(((70.0, 0.0), (5.0, 0.1), (70.0, 0.2), (5.0, 0.3)))
+            for camera in ("primary", "auxiliary")
+            for s in [s if timed else NAN]
+        ]
+        chosen(records, stereo="standard")
+        assert chosen.shown == [(1, 101), (3, 103)]
+
+    def test_not_one_of_them_whole(self, chosen):
+        records = pairs(0.0, 0.1, jack_mm=5.0)
+        records[0], records[3] = bad(records[0]), bad(records[3])
+        with pytest.raises(InputError, match=r"none of its 2 sphere frames is whole: 1 incomplete in the primary"):
+            chosen(records, stereo="standard")
 
 
 @pytest.mark.parametrize(
@@ -155,3 +254,18 @@ def test_nothing_to_measure(chosen, records, wanted, said):
     with pytest.raises(InputError, match=said) as error:
         chosen(records, **wanted)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("rest", [1, 5, 15, 16, 31, 32, 33, 90])
+def test_the_reference_is_known_while_frames_come_as_it_is_from_all_of_them(rest):
+    """A long rest, or a ramp so slow that it has not risen yet, makes no other reference than the whole run."""
+    rng = np.random.default_rng(rest)
+    ramp = np.linspace(0.1, 8.0, 60)
+    pressures = np.concatenate([np.full(rest, 0.05), ramp]) + rng.normal(0.0, 0.002, rest + 60)
+    whole = min(count_at_rest(pressures), 16)
+    known = next(
+        found
+        for count in range(1, len(pressures) + 1)
+        if (found := reference_count(pressures[:count], "inflation", ended=False)) is not None
+    )
+    assert known == whole
