@@ -50,6 +50,7 @@ LONGEST = (
     "drivers/test_rig_through_drivers.py",
     "daemon/test_crash.py",
     "procedures/measuring/test_live.py",
+    "procedures/measuring/test_live_endings.py",
     "procedures/measuring/test_pooled.py",
     "procedures/measuring/test_report.py",
     "procedures/measuring/test_live_recording.py",
@@ -61,6 +62,7 @@ LONGEST = (
     "procedures/test_streaming.py",
     "cli/test_foreign_measuring.py",
     "drivers/cameras/aravis/test_faults.py",
+    "drivers/cameras/aravis/test_wire_faults.py",
     "drivers/jacks/test_modbus_wire_faults.py",
     "analysis/test_report_page.py",
 )

@@ -1,12 +1,14 @@
 """Rates and losses from an in-process source through the ring to the disk, 1280x1024 8 bit.
 
 Run it as ``scripts/bench stream``; it writes up to 6 GB beside the checkout, one run at a time.
+``python -m tests.benchmarks.bench_stream --long`` first records ten minutes over GigE Vision through the daemon, twice:
+without and with live results; that takes 22 minutes more, and 9 GB.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -18,6 +20,8 @@ from bscd.acquisition import Compression, RunFile, RunWriter
 from bscd.acquisition.stream import FrameAccount, FrameRing, LiveView, Recorder
 from tests.acquisition.stream.sources import camera, image, record
 from tests.benchmarks import live
+from tests.drivers.own_network import one_at_a_time
+from tests.drivers.test_served_soak import HOLD_S, RAMP_S, RATE_HZ, soaked
 
 SHAPE = (1024, 1280)
 SLOTS = 64
@@ -78,9 +82,41 @@ def stream(path: Path, rate_hz: float, lasting_s: float, compression: Compressio
     return Measured(frames, account.lost, peak, wall_s, busy_s, size)
 
 
+def served(place: Path, hold_s: float) -> None:
+    """Print a line for a long recording over GigE Vision, and one for the same with live results."""
+    print(f"over GigE Vision through the daemon at {RATE_HZ:g} fps, {(RAMP_S + hold_s) / 60:.1f} min each", flush=True)
+    for measured in (False, True):
+        with tempfile.TemporaryDirectory(dir=place, prefix=".bench-served-") as folder, one_at_a_time():
+            done = soaked(Path(folder), live=measured, hold_s=hold_s)
+            with RunFile(done.run) as run:
+                jumps = int(np.count_nonzero(np.diff(run.table()["frame_id"]) != 1))
+                damaged = run.verify()
+        told = done.figures
+        line = (
+            f"{'measured live' if measured else 'recorded':13s}: {told['frames']} of {done.planned} frames, "
+            f"{told['lost_frames']} lost, {told['incomplete_frames']} incomplete, {jumps} ids that do not follow, "
+            f"checksums {damaged or 'all right'}, ring at most {told['most_frames_waiting_for_the_disk']}; "
+            f"memory of all processes {done.settled_mb:.0f} MB after a minute, at most {done.grown_mb:+.1f} MB later"
+        )
+        if measured:
+            line += (
+                f"; live {told.get('live_frames', 0)}, after the run {told.get('caught_up_frames', 0)}, "
+                f"exposure to map {told.get('latency_median_s', np.nan) * 1e3:.0f} ms, "
+                f"p99 {told.get('latency_p99_s', np.nan) * 1e3:.0f} ms"
+            )
+        print(line, flush=True)
+
+
 def main() -> None:
     """Print a line for each rate, compression and policy, then those of the correlation beside it."""
-    place = Path(sys.argv[1] if len(sys.argv) > 1 else ".").resolve()
+    said = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    said.add_argument("place", nargs="?", type=Path, default=Path(), help="folder on the disk that is measured")
+    said.add_argument("--long", action="store_true", help="also ten minutes over GigE Vision, without and with DIC")
+    said.add_argument("--hold-s", type=float, default=HOLD_S, help="how long that holds the pressure, s")
+    asked = said.parse_args()
+    place = asked.place.resolve()
+    if asked.long:
+        served(place, asked.hold_s)
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; ring of {SLOTS}, {LASTING_S:g} s each")
     cases: list[tuple[float, Compression, bool]] = [
         (11.0, "none", True),

@@ -23,7 +23,7 @@ from bscd.procedures import (
     recorded_steps,
     resume_scan,
 )
-from bscd.procedures.live import LiveEvent, LiveFailure, LiveFrame, LiveWarning, record_and_measure
+from bscd.procedures.live import LiveCatchingUp, LiveEvent, LiveFailure, LiveFrame, LiveWarning, record_and_measure
 from bscd.procedures.measuring import MeasureSettings
 from bscd.procedures.recording import Recording, Storing, record_inflation, record_sphere
 
@@ -165,6 +165,7 @@ def run_inflation(recipe: Inflation, work: Work) -> None:
         settings=MeasureSettings(step_px=recipe.step_px, subset_px=dic.subset_px, phase="inflation"),
         calibration_name=calibration.name,
         on_event=lambda event: _live(event, work),
+        at_once=lambda: work.control.aborted is not None,
         **how,
     )
     _tell_recording(done, work)
@@ -208,6 +209,9 @@ def _live(event: LiveEvent, work: Work) -> None:
         work.reporting.warn(f"live measuring failed, the recording goes on: {event.text}")
     elif isinstance(event, LiveWarning):
         work.reporting.warn(event.text)
+    elif isinstance(event, LiveCatchingUp):
+        now = Progress(event.done, event.total, "measuring the frames that were left out")
+        work.reporting.progress(now, "frames")
     document = None
     if isinstance(event, LiveFrame):
         document = LiveDocument(

@@ -36,9 +36,13 @@ class SharedImage:
     dtype: str
 
     @classmethod
-    def holding(cls, image: NDArray[Any]) -> SharedImage:
-        """A copy of an image in shared memory of its own. Raises `MemoryFullError`."""
-        if _FOLDER.is_dir() and shutil.disk_usage(_FOLDER).free < image.nbytes + _SPARE_BYTES:
+    def holding(cls, image: NDArray[Any], *, leave_bytes: int = 0) -> SharedImage:
+        """A copy of an image in shared memory of its own. Raises `MemoryFullError`.
+
+        ``leave_bytes`` are left free for who needs them more.
+        """
+        needed = image.nbytes + leave_bytes + _SPARE_BYTES
+        if _FOLDER.is_dir() and shutil.disk_usage(_FOLDER).free < needed:
             raise MemoryFullError(
                 f"shared memory ({_FOLDER}) has no room for an image of {image.nbytes / 1e6:.1f} MB; "
                 "remove what is left there, or give it more (in a container: --shm-size)"

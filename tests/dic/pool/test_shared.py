@@ -1,12 +1,13 @@
 """Shared memory that runs out is told before it is written to: writing would end the process."""
 
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from bscd.dic.pool import SharedImage
+from bscd.dic.pool import MemoryFullError, SharedImage
 
 FILLING = """
 import numpy as np
@@ -38,6 +39,14 @@ def test_a_full_one_is_told_and_can_be_used_when_there_is_room_again():
     assert 3 <= int(full.split()[0]) <= 6  # some room is left to others
     assert "has no room for an image of 1.0 MB; remove what is left there" in full
     assert again == "1000000"
+
+
+def test_room_can_be_left_to_others():
+    image = np.zeros((64, 64), np.uint8)
+    with pytest.raises(MemoryFullError, match="has no room for an image"):
+        SharedImage.holding(image, leave_bytes=shutil.disk_usage("/dev/shm").free)
+    shared = SharedImage.holding(image, leave_bytes=shutil.disk_usage("/dev/shm").free // 2)
+    shared.release()
 
 
 def test_an_image_is_what_was_put_in():

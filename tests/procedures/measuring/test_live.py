@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,11 @@ import pytest
 
 from bscd.acquisition import RunFile
 from bscd.errors import BscdError
-from bscd.procedures.live import LiveDone, LiveFailure, LiveFrame, LiveMeasurement, LiveSetup
+from bscd.procedures.live import LiveDone, LiveFailure, LiveFrame, LiveMeasurement, LiveSetup, LiveWarning
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.results import Origin, ResultsFile
+from drivers.interfaces import FrameStatus
+from tests.procedures.measuring.twin_runs import write
 from tests.results.measured import same
 
 SETTINGS = MeasureSettings(step_px=20, strain=False, phase="inflation")
@@ -173,6 +176,40 @@ def test_what_goes_wrong_in_it_is_told_in_a_sentence(wide, inflation_run, tmp_pa
     assert isinstance(events[-1], LiveFailure)
 
 
+def test_a_damaged_frame_keeps_its_number_and_costs_nothing(wide, inflation_run, tmp_path):
+    with RunFile(inflation_run) as run:
+        frames = list(run.frames("primary", "inflation"))
+    for number in (1, 5):
+        frames[number] = replace(frames[number], status=FrameStatus.INCOMPLETE)
+    damaged_run = write(tmp_path / "run.h5", frames)
+    with measuring(wide, damaged_run, tmp_path / "live.h5") as live:
+        for number, frame in enumerate(frames):
+            if frame.status is FrameStatus.OK:
+                live.push(number, frame.data, frame.time_s, frame.pressure_kpa)
+            else:
+                live.skip(number)
+        assert live.finish(damaged_run, WAIT_S) == LiveDone(frames=10, caught_up=0, worker_restarts=0)
+    with RunFile(damaged_run) as run:
+        measure_to_file(wide, run, tmp_path / "after.h5", SETTINGS)
+    with ResultsFile(tmp_path / "after.h5") as results:
+        after = list(results.frames())
+    assert [frame.number for frame in after] == [0, 2, 3, 4, 6, 7, 8, 9, 10, 11]
+    all_the_same(tmp_path / "live.h5", after)
+
+
+def test_all_is_measured_again_when_the_reference_turns_out_to_be_another(wide, inflation_run, offline, tmp_path):
+    events = []
+    with measuring(wide, inflation_run, tmp_path / "live.h5", events=events) as live:
+        with RunFile(inflation_run) as run:
+            for number, frame in enumerate(run.frames("primary", "inflation")):
+                live.push(number, frame.data, frame.time_s, frame.pressure_kpa if number else float("nan"))
+        done = live.finish(inflation_run, WAIT_S)
+    assert (done.frames, done.caught_up) == (12, 12)
+    texts = [event.text for event in events if isinstance(event, LiveWarning)]
+    assert sum("its reference is another than it was live; all is measured once more" in text for text in texts) == 1
+    all_the_same(tmp_path / "live.h5", offline)
+
+
 def test_leaving_early_keeps_what_there_is(wide, inflation_run, offline, tmp_path):
     with measuring(wide, inflation_run, tmp_path / "live.h5") as live:
         pushed(live, inflation_run)
@@ -180,4 +217,5 @@ def test_leaving_early_keeps_what_there_is(wide, inflation_run, offline, tmp_pat
     with ResultsFile(tmp_path / "live.h5") as results:
         assert not results.complete
         frames = list(results.frames())
+        assert results.reason == "it was ended before all was measured"
         assert all(same(one, other) for one, other in zip(frames, offline, strict=False))

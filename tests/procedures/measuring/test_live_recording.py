@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bscd.acquisition import CameraMeta, RunFile
+from bscd.acquisition import CameraMeta, RunFile, RunState
 from bscd.acquisition.replay import ReplayCamera, ReplayOptions
 from bscd.cli.app import run as bscd
 from bscd.cli.record import DEFAULT_CONFIG, rig_of
@@ -57,10 +57,10 @@ def measured(rig, recipe, wide, folder, **changes):
     return record_and_measure(rig, recipe, folder / "run.h5", wide, folder / "live.h5", settings=settings, **changes)
 
 
-def as_measured_afterwards(wide, folder):
+def as_measured_afterwards(wide, folder, state=RunState.COMPLETE):
     """How many frames of the live results are bit for bit those of `bscd measure`."""
     with RunFile(folder / "run.h5") as run:
-        assert run.complete
+        assert run.state is state
         assert run.verify() is None
         settings = MeasureSettings(step_px=STEP_PX, strain=False, phase="inflation")
         measure_to_file(wide, run, folder / "after.h5", settings)
