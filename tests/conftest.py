@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.drivers import own_network
 from tests.drivers.own_network import pytest_runtest_protocol
@@ -43,6 +44,10 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="also run the soaks and long series")
 
+
+#: A busy machine is no failure: pytest has time limits of its own.
+settings.register_profile("bscd", deadline=None)
+settings.load_profile("bscd")
 
 #: Files that take longest, the longest first: they begin first, so that none is left to run alone at the end.
 LONGEST = (

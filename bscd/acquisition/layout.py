@@ -22,6 +22,8 @@ RUN_FILE = FileKind(
     for_folder="make one of it with bscd import {path} RUN.h5",
     keep="raw data is never overwritten",
     after_crash="its frames can be read, by any program after bscd recover {path}; to go on record into a new file",
+    when_cut_off="copy it again from where it was recorded, or keep the frames before with "
+    "bscd recover {path} --out COPY.h5",
 )
 
 INSTRUMENT = "entry/instrument"

@@ -73,6 +73,8 @@ class RunFile(RecordedFile):
             times, texts = self._fresh(f"{RECORDING}/event_time"), self._fresh(f"{RECORDING}/event_text")
             events: list[list[bytes]] = []
             for time, piece in zip(times, texts, strict=False):
+                if b"\xff" in time + piece:  # never in text: the end of a file that was cut off
+                    break
                 if time or not events:
                     events.append([time, piece])
                 else:
@@ -114,7 +116,7 @@ class RunFile(RecordedFile):
         pressure has the one interpolated in the pressure log, if there is a log.
         """
         with self._reading("reading the frames' metadata"):
-            index = frame_index(self._detectors)
+            index = frame_index(self._detectors, self._rows if self._crashed else None)
             table = np.zeros(len(index), _TABLE_DTYPE)
             table["row"] = index[:, 1]
             for number, name in enumerate(self.cameras):
@@ -122,7 +124,7 @@ class RunFile(RecordedFile):
                 table["camera"][mine] = name
                 for column in COLUMNS:
                     if column.name in (_TABLE_DTYPE.names or ()):
-                        values = dataset_at(self._detectors[number], column.name)[:][index[mine, 1]]
+                        values = self._rows(dataset_at(self._detectors[number], column.name))[index[mine, 1]]
                         table[column.name][mine] = np.char.decode(values) if values.dtype.kind == "S" else values
         logged = interpolate_log_kpa(table["host_time_ns"], *self.pressure_log())
         table["pressure_kpa"] = np.where(np.isnan(table["pressure_kpa"]), logged, table["pressure_kpa"])
@@ -167,6 +169,11 @@ class RunFile(RecordedFile):
             recorded_kpa = float(dataset_at(detector, "pressure_kpa")[row["row"]])
         return self._record(row, pressure_kpa=recorded_kpa), kept
 
+    @property
+    def begins_as_recorded(self) -> bool:
+        """Whether its title, configuration, recipe and devices are what was recorded."""
+        return header_sha256(self.header) == self._read_text(f"{RECORDING}/header_sha256")
+
     def verify(self, stop: Callable[[], bool] = lambda: False) -> str | None:
         """Recompute every checksum; the first difference in one sentence, None when all is as recorded.
 
@@ -174,7 +181,7 @@ class RunFile(RecordedFile):
         before each frame whether to give up, which counts as no difference found.
         """
         header = header_sha256(self.header)
-        if header != self._read_text(f"{RECORDING}/header_sha256"):
+        if not self.begins_as_recorded:
             return f"{self.path}: its title, configuration, recipe or devices are not what was recorded"
         digests: list[str] = []
         for row in self.table():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,7 +19,7 @@ from bscd.acquisition.reader import RunFile
 from bscd.acquisition.records import FrameRecord
 from bscd.acquisition.writer import RunWriter
 from bscd.errors import InputError
-from bscd.hdf5 import clear_crash, is_left_open
+from bscd.hdf5 import clear_crash, count_missing, is_left_open, require_uncut
 from drivers.interfaces import PressureReading
 
 
@@ -50,27 +51,31 @@ def recover_in_place(path: str | os.PathLike[str], *, verify: bool = True) -> Re
     Only the mark of the writer is cleared. The run counts as interrupted from then on, and keeps every frame that was
     flushed. Without ``verify``, which reads all of it, its damage is not looked for.
 
-    Raises `InputError` for a file that is being written, is no run file or may not be changed.
+    Raises `InputError` for a file that is being written, is no run file, may not be changed or misses its end.
     """
     where = Path(path)
     with RunFile(where, crashed=True):  # whether it is a run file at all
         pass
     if writer := _writer_of(where):
         raise InputError(f"{where} is being written by process {writer}; stop the recording there first")
+    require_uncut(where, RUN_FILE)
     changed = clear_crash(where, RUN_FILE)
     with RunFile(where) as run:
         return Recovery(where, len(run.table()), changed, (run.verify() or "") if verify else "")
 
 
 def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> Recovery:
-    """Write the whole frames of a cut off run into a new file, with its uuid, and close that as interrupted.
+    """Write the whole frames of a killed, cut off or damaged run into a new file, and close that as interrupted.
 
-    It ends at the first frame that can not be read or is not as recorded. The run itself is only read. Raises
-    `InputError` when ``copy`` exists or the run can not be opened at all.
+    It has the run's uuid, and ends at the first frame that can not be read or is not as recorded. The run itself is
+    only read. Raises `InputError` when ``copy`` exists, the run can not be opened at all or, cut off, has no frame.
     """
     damage: list[str] = []
+    missing = count_missing(Path(path), RUN_FILE)
     with RunFile(path, crashed=True) as run:
         header = run.header
+        if missing and not (run.begins_as_recorded and next(_whole_frames(run, []), None)):
+            raise InputError(f"{path} is cut off before the end of its first frame; {RUN_FILE.restore}")
         with RunWriter(
             copy,
             title=header.title,
@@ -87,18 +92,23 @@ def recover_into(path: str | os.PathLike[str], copy: str | os.PathLike[str]) -> 
             targets: dict[AxisName, NDArray[np.float64]] = {name: run.targets(name) for name in header.axes}
             for number, record in enumerate(_whole_frames(run, damage)):
                 for name, values in targets.items():
-                    writer.set_target(name, float(values[number]))
+                    writer.set_target(name, float(values[number]) if number < len(values) else math.nan)
                 writer.append(record)
             for time_ns, kpa in zip(*run.pressure_log(), strict=True):
+                if time_ns < 0 or (missing and math.isnan(kpa)):
+                    break
                 writer.log_pressure(PressureReading(float(kpa), int(time_ns)))
             for event in run.events:
                 writer.event(event.text, event.time)
-            if run.frames_acquired is not None:
+            if run.frames_acquired is not None and not missing:
                 writer.account(run.frames_acquired, run.losses)
             if run.time_base is not None:
                 writer.state_time_base(run.time_base)
             frames = writer.frames_written
-            writer.interrupt(run.reason or "its writer was killed; recovered into a copy")
+            how = "it was cut off" if missing else "its writer was killed"
+            writer.interrupt(run.reason or f"{how}; recovered into a copy")
+    if missing:
+        damage = [f"{path}: {missing} bytes of its end are missing"]
     return Recovery(Path(copy), frames, True, "".join(damage))
 
 

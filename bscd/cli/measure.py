@@ -11,6 +11,7 @@ import typer
 
 from bscd.acquisition import PhaseName, RunFile
 from bscd.acquisition.images import read_grey
+from bscd.arrays import BoolArray
 from bscd.calibration import Calibration
 from bscd.cli.following import following
 from bscd.dic.pool import DaskPool, LocalPool, Pool
@@ -72,7 +73,7 @@ def register(app: typer.Typer) -> None:
             subset_px=subset,
             stereo=stereo,
             phase=phase,
-            region=None if region is None else read_grey(region).data > 0,
+            region=None if region is None else _region(region),
             stereo_shape=stereo_shape,
             tracking_shape=tracking_shape,
             lighting=lighting,
@@ -114,6 +115,14 @@ def register(app: typer.Typer) -> None:
                     loaded, source, out, settings, report, warnings=warnings, warn=_warn, progress=progress
                 )
             typer.echo(f"{page}")
+
+
+def _region(path: Path) -> BoolArray:
+    """Where the image is not black, ``(H, W)``."""
+    try:
+        return read_grey(path).data > 0
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 @contextmanager

@@ -16,14 +16,15 @@ def register(app: typer.Typer) -> None:
 
     @app.command()
     def recover(
-        run: Annotated[Path, typer.Argument(help="Run file whose writer was killed.")],
+        run: Annotated[Path, typer.Argument(help="Run file whose writer was killed, or that was cut off.")],
         out: Annotated[
             Path | None, typer.Option("-o", "--out", help="Write the whole frames into this new file instead.")
         ] = None,
     ) -> None:
         """Restore every flushed frame of a run whose recording was killed; its raw data is never rewritten.
 
-        In its place only the mark of its writer is cleared. Into a copy everything up to the first damaged frame goes.
+        In its place only the mark of its writer is cleared. Into a copy everything up to the first damaged
+        frame goes, also of a file whose end is missing.
 
         Example: bscd recover inflation.h5
         """

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from bscd.acquisition import FrameRecord, RunFile
+from bscd.analysis.surface import fit_sphere
 from bscd.analysis.validation import Validation
 from bscd.arrays import FloatArray
+from bscd.calibration.hull import Hull
 from bscd.results import ResultsFile
 from drivers.clock import Clock
 
 _LEFT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Missed:
+    """What T frames of a measurement miss of the truth.
+
+    ``uvw_rms_mm`` ``(T, 3)`` are root mean squares of the errors in the membrane frame, NaN where no point is known;
+    ``kept`` ``(T,)`` the share that is valid of the points that the camera sees on the speckled surface inside the
+    calibrated volume.
+    """
+
+    uvw_rms_mm: FloatArray
+    kept: FloatArray
 
 
 class WitnessedWorld:
@@ -57,27 +72,39 @@ def with_truth(found: Validation, run: RunFile, world: WitnessedWorld) -> Valida
     return replace(found, truth_mm=truth, floor_mm=floor)
 
 
-def truth_w_rms_mm(results: ResultsFile, run: RunFile, world: WitnessedWorld) -> FloatArray:
-    """Root mean square ``(T,)`` of each frame's error of w in the membrane frame; NaN where no point is known.
+def missed_of_truth(results: ResultsFile, run: RunFile, world: WitnessedWorld, hull: Hull) -> Missed:
+    """What each frame of an inflation's results misses of the twin's truth.
 
     The truth of a point is the displacement of the material that its pixel shows in the reference.
     """
     frame = results.header.membrane
+    rms, kept = np.full((len(results), 3), np.nan), np.full(len(results), np.nan)
     if frame is None:
-        return np.full(len(results), np.nan)
+        return Missed(rms, kept)
     states = [world.state_at(record) for record in run.frames("primary", "inflation")]
     rest = states[results.header.reference_frames[0]]
     seen = world.surface("primary", results.points_px, rest)
     speckled = seen.speckled & np.isfinite(seen.material_mm).all(axis=1)
     material = np.where(speckled[:, None], seen.material_mm, 0.0)
     at_rest = world.surface_positions(material, rest)
-    rms = np.full(len(results), np.nan)
+    inside = speckled & hull.contains(at_rest)
     for place, measured in enumerate(results.frames()):
-        moved = world.surface_positions(material, states[measured.number]) - at_rest
-        error = (measured.uvw_mm[:, 2] - moved @ frame.axes[2])[measured.valid & speckled]
+        position = world.surface_positions(material, states[measured.number])
+        error = (measured.uvw_mm - (position - at_rest) @ frame.axes.T)[measured.valid & speckled]
         if error.size:
-            rms[place] = np.sqrt(np.mean(error**2))
-    return rms
+            rms[place] = np.sqrt(np.mean(error**2, axis=0))
+        staying = inside & hull.contains(position)
+        if staying.any():
+            kept[place] = measured.valid[staying].mean()
+    return Missed(rms, kept)
+
+
+def true_centre_mm(results: ResultsFile, run: RunFile, world: WitnessedWorld) -> FloatArray:
+    """The centre ``(3,)`` of the sphere that a run shows: that of the true points of its surface."""
+    state = world.state_at(next(run.frames("primary", "sphere")))
+    seen = world.surface("primary", results.points_px, state)
+    speckled = seen.speckled & np.isfinite(seen.material_mm).all(axis=1)
+    return fit_sphere(world.surface_positions(seen.material_mm[speckled], state)).centre_mm
 
 
 def _nearest_to_rays(bundles: list[Any]) -> FloatArray:

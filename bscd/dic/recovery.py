@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bscd.arrays import FloatArray, IntArray
+from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.dic.correlation import Correlation
 from bscd.dic.guess import DenseFlow, FeatureMatches, guess_by_search, seed_points
 from bscd.dic.images import PreparedImage
@@ -27,6 +27,9 @@ _FEATURES = 1500
 
 #: Enough are found when no more than this share is lost.
 _ENOUGH_LOST = 0.1
+
+#: Points are looked for at least as often, in frames, however long they have been lost.
+_SELDOM = 16
 
 Attempt = Callable[[IntArray, FloatArray], Correlation]
 """Correlate some of the points, ``(n,)`` their indices, from shape parameters ``(n, P)``, NaN where not known."""
@@ -89,6 +92,11 @@ def recovered(
         everything = np.arange(len(start_px))
         found = merged(found, everything, attempt(everything, found.shape), always=True)
     return found
+
+
+def is_due(lost_for: IntArray) -> BoolArray:
+    """Whether points ``(N,)``, lost for so many frames, are tried without neighbours: less and less often."""
+    return ((lost_for & (lost_for - 1)) == 0) | (lost_for % _SELDOM == 0)
 
 
 def trial_points(points_px: FloatArray, subset_px: int) -> IntArray:

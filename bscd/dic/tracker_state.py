@@ -66,9 +66,9 @@ class GenerationState:
 class TrackerState:
     """A tracker after ``tracked`` frames; nothing in it changes, and it can be pickled.
 
-    ``generations`` by their number, in the order of matching; ``of`` ``(N,)`` says which one a point has; ``previous``
-    is the number of the last image that showed the points. ``images`` are the numbers of all images that going on
-    needs: `REFERENCE`, and frames from 0.
+    ``generations`` by their number, in the order of matching; ``of`` ``(N,)`` says which one a point has, ``lost_for``
+    ``(N,)`` in how many frames it was not found; ``previous`` is the number of the last image that showed the points.
+    ``images`` are the numbers of all images that going on needs: `REFERENCE`, and frames from 0.
     """
 
     points_px: FloatArray
@@ -76,6 +76,7 @@ class TrackerState:
     generations: dict[int, GenerationState]
     newest: int
     of: NDArray[np.int64]
+    lost_for: NDArray[np.int64]
     renewals: int
     first_zncc: float
     last: Tracked

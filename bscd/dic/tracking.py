@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,9 @@ from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlation import Correlation, Status
 from bscd.dic.correlator import correlate
 from bscd.dic.curvature import SECOND, Curvature, follow_curvature
+from bscd.dic.generations import FIRST, Generation, let_go
 from bscd.dic.images import PreparedImage
-from bscd.dic.recovery import Jump, recovered, trial_points
+from bscd.dic.recovery import Jump, is_due, recovered, trial_points
 from bscd.dic.sharpness import sharpness_per_px
 from bscd.dic.solver import PARAMETERS, KnownSubsets, Lighting, ShapeName
 from bscd.dic.tracker_state import REFERENCE, GenerationState, Tracked, TrackerState, at_rest
@@ -23,6 +24,9 @@ from bscd.dic.tracking_kernel import carry_on
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
+
+#: Recovery is for more than this share of all points; fewer are found by their neighbours, or not at all.
+_MANY = 0.05
 
 #: A frame less sharp than this share of the reference's sharpness becomes no reference, unless it stays so for so many.
 _SHARP = 0.87
@@ -48,26 +52,6 @@ class TrackingSettings:
     threads: int | None = None
 
 
-@dataclass
-class _Generation:
-    """A reference image and what the points had come to there; rows for all points, NaN for those not in it."""
-
-    image: PreparedImage
-    number: int
-    """Of the image: `REFERENCE`, or the frame's."""
-    reached: Tracked
-    alike: FloatArray
-    """What a point's subset here has in common with the one that was matched to it, a share ``(N,)``."""
-    noise_grey: float | tuple[float, float] | None
-    shape: FloatArray = field(init=False)
-    """The last known shape parameters from here, ``(N, 6 or 12)``; NaN where there are none."""
-    before: FloatArray = field(init=False)
-    curvature: tuple[NDArray[np.int64], Curvature] | None = None
-    """Of the points that have this reference, and which they were."""
-    subsets: KnownSubsets | None = None
-    """What the kernel found of the points' subsets here."""
-
-
 class Tracker:
     """Follows points ``(N, 2)`` of a reference image through frames that are given one after the other."""
 
@@ -76,9 +60,10 @@ class Tracker:
         self._settings = settings
         self._parameters = PARAMETERS[settings.shape]
         self._points_px = np.array(points_px, np.float64).reshape(-1, 2)
-        self._generations: dict[int, _Generation] = {}
+        self._generations: dict[int, Generation] = {}
         self._newest = -1
         self._of = np.zeros(count, np.int64)
+        self._lost_for = np.zeros(count, np.int64)
         self._renewals = 0
         self._first_zncc = float("nan")
         self._last = at_rest(self._points_px)
@@ -95,10 +80,11 @@ class Tracker:
         tracker = cls(images[state.previous], state.points_px, settings)
         tracker._generations = {}
         for number, kept in state.generations.items():
-            generation = _Generation(images[kept.image], kept.image, kept.reached, kept.alike, kept.noise_grey)
+            generation = Generation(images[kept.image], kept.image, kept.reached, kept.alike, kept.noise_grey)
             generation.shape, generation.before = kept.shape.copy(), kept.before.copy()
             tracker._generations[number] = generation
         tracker._newest, tracker._of, tracker._renewals = state.newest, state.of.copy(), state.renewals
+        tracker._lost_for = state.lost_for
         tracker._first_zncc, tracker._last = state.first_zncc, state.last
         tracker._previous_number, tracker._tracked = state.previous, state.tracked
         tracker._hopeless, tracker._waited = state.hopeless, state.waited
@@ -117,6 +103,7 @@ class Tracker:
             },
             newest=self._newest,
             of=self._of.copy(),
+            lost_for=self._lost_for,
             renewals=self._renewals,
             first_zncc=self._first_zncc,
             last=self._last,
@@ -138,6 +125,7 @@ class Tracker:
         self._hopeless = bool(np.count_nonzero(found.valid) < _HOPELESS * len(self._of))
         if not self._hopeless:
             self._previous, self._previous_number = current, self._tracked
+            self._lost_for = np.where(found.valid, 0, self._lost_for + 1)
             self._renew_where_needed(current, found)
         self._tracked += 1
         return self._last
@@ -150,19 +138,23 @@ class Tracker:
         status = np.full(count, Status.NO_GUESS, np.int32)
         whole = Tracked(positions, covariance, reference, frame, gradient, zncc, status, self._renewals)
         for number, generation in self._generations.items():
-            self._match_generation(generation, np.flatnonzero(self._of == number), current, whole)
+            mine = np.flatnonzero(self._of == number)
+            if len(mine):
+                self._match_generation(generation, mine, current, whole)
         self._match_beside_neighbours(current, whole)
         return whole
 
     def _match_generation(
-        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, whole: Tracked
+        self, generation: Generation, mine: NDArray[np.int64], current: PreparedImage, whole: Tracked
     ) -> None:
         start = generation.reached.position_px[mine]
         guess = self._predicted(generation, mine)
+        due = self._hopeless | is_due(self._lost_for[mine])
+        guess[~due] = np.nan
         if self._hopeless:  # a few will do to tell whether the surface is back
             guess[np.setdiff1d(np.arange(len(mine)), trial_points(start, self._settings.subset_px))] = np.nan
         result = self._correlate(generation, mine, current, guess)
-        if np.count_nonzero(~result.valid) > max(0.3 * len(mine), 20):
+        if np.count_nonzero(~result.valid & due) > max(0.3 * len(mine), _MANY * len(self._of), 20):
             result = self._recovered(generation, mine, current, result)
         generation.before[mine] = generation.shape[mine]
         if self._settings.shape != "curved":
@@ -201,7 +193,7 @@ class Tracker:
             result = self._correlate(generation, mine, current, guess)
             self._take(generation, mine, result, whole)
 
-    def _take(self, generation: _Generation, mine: NDArray[np.int64], result: Correlation, whole: Tracked) -> None:
+    def _take(self, generation: Generation, mine: NDArray[np.int64], result: Correlation, whole: Tracked) -> None:
         """Enter a generation's matches into the whole.
 
         The noise of the image in which the reference was renewed drew the points there aside, and the match that
@@ -217,7 +209,7 @@ class Tracker:
             result.covariance_px2,
             before**2 / max(before**2 + now**2, 1e-12),
             generation.alike,
-            generation is self._generations.get(0),
+            generation is self._generations.get(FIRST),
             reached.gradient,
             reached.covariance_px2,
             reached.reference_px2,
@@ -232,7 +224,7 @@ class Tracker:
         whole.status[mine] = result.status
 
     def _correlate(
-        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, guess: FloatArray
+        self, generation: Generation, mine: NDArray[np.int64], current: PreparedImage, guess: FloatArray
     ) -> Correlation:
         return correlate(
             generation.image,
@@ -245,7 +237,7 @@ class Tracker:
             **self._common(generation, current),
         )
 
-    def _common(self, generation: _Generation, current: PreparedImage) -> dict[str, Any]:
+    def _common(self, generation: Generation, current: PreparedImage) -> dict[str, Any]:
         settings = self._settings
         return {
             "subset_px": settings.subset_px,
@@ -256,24 +248,24 @@ class Tracker:
             "threads": settings.threads,
         }
 
-    def _subsets(self, generation: _Generation) -> KnownSubsets:
+    def _subsets(self, generation: Generation) -> KnownSubsets:
         if generation.subsets is None:
             generation.subsets = KnownSubsets.none_of(len(self._of), self._settings.shape)
         return generation.subsets
 
-    def _curvature(self, generation: _Generation, mine: NDArray[np.int64]) -> Curvature:
+    def _curvature(self, generation: Generation, mine: NDArray[np.int64]) -> Curvature:
         if generation.curvature is None or not np.array_equal(generation.curvature[0], mine):
             generation.curvature = mine, Curvature(generation.reached.position_px[mine], self._settings.subset_px)
         return generation.curvature[1]
 
-    def _predicted(self, generation: _Generation, mine: NDArray[np.int64]) -> FloatArray:
+    def _predicted(self, generation: Generation, mine: NDArray[np.int64]) -> FloatArray:
         """Shape parameters of steady motion: the last ones and once more their last change."""
         last, before = generation.shape[mine], generation.before[mine]
         ahead = 2.0 * last - before
         return np.where(np.isfinite(ahead), ahead, last)
 
     def _recovered(
-        self, generation: _Generation, mine: NDArray[np.int64], current: PreparedImage, first: Correlation
+        self, generation: Generation, mine: NDArray[np.int64], current: PreparedImage, first: Correlation
     ) -> Correlation:
         start = generation.reached.position_px[mine]
 
@@ -321,22 +313,18 @@ class Tracker:
         return np.prod(np.minimum(stretch, 1.0 / stretch), axis=1)
 
     def _begin(self, image: PreparedImage, number: int, taken: BoolArray) -> None:
-        """Make an image the reference of some points; the others keep theirs and may come back there.
-
-        References that no point has any more are let go.
-        """
+        """Make an image the reference of some points; the others keep theirs, or the first, and may come back there."""
         count, noise = len(self._of), self._settings.noise_grey
         nan = np.full((count, self._parameters), np.nan)
         alike = np.zeros(count)
         if self._generations:
             noise = noise if noise is None or isinstance(noise, (int, float)) else (noise[1], noise[1])
             alike[taken] = self._alike(taken)
-        generation = _Generation(image, number, self._last, alike, noise)
+        generation = Generation(image, number, self._last, alike, noise)
         generation.shape, generation.before = nan, nan.copy()
         generation.shape[taken] = 0.0
         self._renewals += bool(self._generations)
         self._newest += 1
         self._of[taken] = self._newest
         self._generations[self._newest] = generation
-        used = set(self._of.tolist())
-        self._generations = {number: kept for number, kept in self._generations.items() if number in used}
+        self._generations, self._of = let_go(self._generations, self._of, self._last.valid)

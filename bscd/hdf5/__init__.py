@@ -15,11 +15,13 @@ from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
 from bscd.hdf5.nodes import dataset_at, group_at, text_at
 from bscd.hdf5.opening import (
     clear_crash,
+    count_missing,
     create_file,
     damage_reported,
     is_left_open,
     open_to_continue,
     open_to_read,
+    require_uncut,
 )
 from bscd.hdf5.reading import RecordedFile, read_identity
 from bscd.hdf5.states import FileState
@@ -35,6 +37,7 @@ __all__ = [
     "RecordedFile",
     "beginning",
     "clear_crash",
+    "count_missing",
     "create_file",
     "damage_reported",
     "dataset_at",
@@ -50,6 +53,7 @@ __all__ = [
     "open_to_continue",
     "open_to_read",
     "read_identity",
+    "require_uncut",
     "text_at",
     "utc_now",
     "utc_text",

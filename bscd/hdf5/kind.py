@@ -14,7 +14,8 @@ class FileKind:
 
     ``source`` names files of this kind ("give ..."); ``restore`` is what to do about a damaged one, ``for_folder``
     about a folder in its place (with ``{path}``); ``keep`` says why one is never overwritten, ``after_crash`` what to
-    do with one whose writer was killed (with ``{path}``).
+    do with one whose writer was killed, ``when_cut_off`` with one whose end is missing (with ``{path}``; empty: the
+    same as with a damaged one).
     """
 
     name: str
@@ -25,3 +26,4 @@ class FileKind:
     for_folder: str
     keep: str
     after_crash: str
+    when_cut_off: str = ""

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import h5py
+import numpy as np
+from numpy.typing import NDArray
 
 
 def group_at(parent: h5py.Group, path: str) -> h5py.Group:
@@ -27,3 +31,17 @@ def text_at(parent: h5py.Group, path: str) -> str:
     if not isinstance(value, bytes):
         raise KeyError(f"{path} is no text")
     return value.decode("utf-8", "replace")
+
+
+def readable_rows(dataset: h5py.Dataset) -> NDArray[Any]:
+    """The rows of a column up to the first chunk that can not be read."""
+    try:
+        return dataset[:]
+    except (OSError, RuntimeError):
+        chunk, found = (dataset.chunks or (1,))[0], [np.empty(0, dataset.dtype)]
+    for start in range(0, len(dataset), chunk):
+        try:
+            found.append(dataset[start : start + chunk])
+        except (OSError, RuntimeError):
+            break
+    return np.concatenate(found)

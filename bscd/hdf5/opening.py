@@ -20,6 +20,7 @@ from bscd.hdf5.superblock import (
     VERSION,
     ClearedFile,
     clear_open_mark,
+    missing_bytes,
     require_whole,
 )
 
@@ -103,6 +104,19 @@ def clear_crash(path: Path, kind: FileKind) -> bool:
         raise InputError(f"{path} can not be changed ({_reason(err)}); recover it into a copy with --out") from err
 
 
+def require_uncut(path: Path, kind: FileKind) -> None:
+    """Raise `InputError` when the end of a file is missing; nothing is to be changed in it then."""
+    if lost := count_missing(path, kind):
+        raise InputError(f"{path} is cut off, {lost} bytes of its end are missing; {_when_cut_off(path, kind)}")
+
+
+def count_missing(path: Path, kind: FileKind) -> int:
+    """How many bytes of a file's end are missing. Raises `InputError` for a file of another shape."""
+    _superblock(path, kind)
+    with damage_reported(path, kind, "reading its first bytes"):
+        return missing_bytes(path)
+
+
 @contextmanager
 def damage_reported(path: Path, kind: FileKind, doing: str) -> Iterator[None]:
     """Turn HDF5's errors on reading into one sentence."""
@@ -152,7 +166,7 @@ def _reason(err: Exception) -> str:
 def _explained(path: Path, kind: FileKind, err: OSError) -> InputError:
     said = str(err)
     if "truncated" in said:
-        return InputError(f"{path} is cut off, it is shorter than it was; {kind.restore}")
+        return InputError(f"{path} is cut off, it is shorter than it was; {_when_cut_off(path, kind)}")
     if "already open for write" in said:
         return InputError(f"{path} is being written, or its writer crashed; {kind.after_crash.format(path=path)}")
     if isinstance(err, BlockingIOError) or "unable to lock" in said:
@@ -160,6 +174,10 @@ def _explained(path: Path, kind: FileKind, err: OSError) -> InputError:
     if isinstance(err, PermissionError):
         return InputError(f"{path} may not be opened by this user; change its permissions")
     return InputError(f"{path} can not be read ({_reason(err)}); {kind.restore}")
+
+
+def _when_cut_off(path: Path, kind: FileKind) -> str:
+    return kind.when_cut_off.format(path=path) or kind.restore
 
 
 def _checked(file: h5py.File, path: Path, kind: FileKind) -> h5py.File:

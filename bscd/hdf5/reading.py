@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bscd.hdf5.building import FileIdentity
 from bscd.hdf5.kind import ENTRY, RECORDING, FileKind
-from bscd.hdf5.nodes import dataset_at, text_at
+from bscd.hdf5.nodes import dataset_at, readable_rows, text_at
 from bscd.hdf5.opening import damage_reported, open_cleared, open_to_read
 from bscd.hdf5.states import FileState
 
@@ -34,13 +34,14 @@ class RecordedFile:
     """A file of a kind; while it is written it shows what is there at each call. A context manager.
 
     With ``crashed`` it is known that no writer will come back: damage is then told at once, where HDF5 otherwise waits
-    for the writer to repair it. Raises `InputError` when the file is missing, is of no or another kind, is cut off or
-    damaged.
+    for the writer to repair it, and columns of which a part can not be read end there. Raises `InputError` when the
+    file is missing, is of no or another kind, is cut off (unless ``crashed``) or damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str], kind: FileKind, *, crashed: bool = False) -> None:
         self.path = Path(path)
         self._kind = kind
+        self._crashed = crashed
         with ExitStack() as opened:
             cleared = opened.enter_context(open_cleared(self.path, kind)) if crashed else None
             self._file = opened.enter_context(open_to_read(self.path, kind, cleared))
@@ -96,7 +97,10 @@ class RecordedFile:
     def _fresh(self, name: str) -> NDArray[np.generic]:
         dataset = dataset_at(self._file, name)
         dataset.id.refresh()
-        return dataset[:]
+        return self._rows(dataset)
+
+    def _rows(self, dataset: h5py.Dataset) -> NDArray[Any]:
+        return readable_rows(dataset) if self._crashed else dataset[:]
 
     def _read_text(self, name: str) -> str:
         with self._reading(f"reading {name}"):

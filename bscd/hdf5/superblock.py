@@ -65,16 +65,30 @@ def _cleared(head: bytes, size: int) -> bytes:
     return bytes(cleared)
 
 
+def missing_bytes(path: Path) -> int:
+    """How many bytes of a file's end are not there, since it was cut off.
+
+    Raises `OSError` when it can not be read and `ValueError` when its superblock is damaged or of another version.
+    """
+    with path.open("rb") as file:
+        head = file.read(_SIZE)
+        _cleared(head, 0)  # whether it is one of ours
+        return max(struct.unpack_from("<Q", head, _END_OF_FILE)[0] - os.fstat(file.fileno()).st_size, 0)
+
+
 class ClearedFile(io.RawIOBase):
     """A file as `clear_open_mark` would leave it, to be read; the file itself is not changed.
 
-    So HDF5 reads what a crash left without SWMR, and tells damage instead of waiting for a writer to repair it.
+    So HDF5 reads what a crash left without SWMR, and tells damage instead of waiting for a writer to repair it. A file
+    that was cut off has its old length; what is not there reads as bytes 0xFF: -1, NaN and no text.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("rb", buffering=0)
         try:
-            self._head = _cleared(self._file.read(_SIZE), os.fstat(self._file.fileno()).st_size)
+            size = os.fstat(self._file.fileno()).st_size
+            self._head = _cleared(self._file.read(_SIZE), size)
+            self._length = max(struct.unpack_from("<Q", self._head, _END_OF_FILE)[0], size)
         except BaseException:
             self._file.close()
             raise
@@ -86,10 +100,15 @@ class ClearedFile(io.RawIOBase):
             count += got
         replaced = self._head[start : start + count] if start < _SIZE else b""
         view[: len(replaced)] = replaced
-        return count
+        length = max(min(len(view), self._length - start), count)
+        view[count:length] = b"\xff" * (length - count)
+        self._file.seek(start + length)
+        return length
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
         """Go to a place in the file."""
+        if whence == os.SEEK_END:
+            offset, whence = self._length + offset, os.SEEK_SET
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:

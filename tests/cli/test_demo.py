@@ -56,8 +56,9 @@ def test_summary_file_has_the_figures(demo):
     summary = json.loads((demo.folder / "summary.json").read_text())
     assert summary == demo.summary
     assert set(summary) == {"reference", "bsc_pos0", "volume", "sphere", "inflation"}
-    assert set(summary["sphere"]) == {"radius", "uncorrected", "corrected"}
-    assert set(summary["inflation"]) == {"frames", "fps", "dropped", "points", "live_fps", "w_max", "truth_w_rms"}
+    assert set(summary["sphere"]) == {"radius", "uncorrected", "corrected", "truth_uncorrected", "truth_corrected"}
+    recorded, measured = {"frames", "fps", "dropped"}, {"points", "live_fps", "w_max"}
+    assert set(summary["inflation"]) == {*recorded, *measured, "truth_w_rms", "truth_worst", "kept_worst"}
     assert set(summary["bsc_pos0"]) == {"uncorrected", "corrected"}
     assert set(summary["volume"]) == {"uncorrected", "corrected", "truth_corrected", "truth_floor"}
     assert summary["volume"]["truth_corrected"]["mean"] == demo.volume.figure("corrected", "truth").mean_mm
@@ -77,6 +78,9 @@ def test_the_sphere(demo):
     assert abs(sphere["corrected"]["mean"]) <= 5.6e-4
     assert sphere["corrected"]["std"] <= 0.012
     assert sphere["uncorrected"]["std"] > 3.0 * sphere["corrected"]["std"]
+    assert abs(sphere["truth_corrected"]["mean"]) <= 0.005
+    assert sphere["truth_corrected"]["std"] <= 0.012
+    assert sphere["truth_uncorrected"]["std"] > 3.0 * sphere["truth_corrected"]["std"]
 
 
 def test_the_inflation_is_recorded_at_11_fps_without_a_lost_frame(demo):
@@ -96,7 +100,10 @@ def test_the_inflation_is_recorded_at_11_fps_without_a_lost_frame(demo):
 
 def test_the_inflation_is_measured_to_the_truth(demo):
     inflation = demo.summary["inflation"]
-    assert inflation["truth_w_rms"] <= 0.012
+    assert inflation["truth_w_rms"] <= inflation["truth_worst"]["w"] <= 0.012  # at every frame
+    assert inflation["truth_worst"]["u"] <= 0.005
+    assert inflation["truth_worst"]["v"] <= 0.005
+    assert inflation["kept_worst"] >= 0.98
     assert inflation["live_fps"] > 0.5
     membrane = Membrane(parse_config(DEFAULT_CONFIG.read_text()).twin.membrane)
     with ResultsFile(demo.folder / "inflation-result.h5") as results:
@@ -149,6 +156,9 @@ def test_all_figures_are_told_beside_the_papers(demo):
     ):
         assert words in text
     assert f"{demo.summary['inflation']['truth_w_rms']:.4f} mm rms" in text
+    assert f"{demo.summary['inflation']['truth_worst']['w']:.4f} mm rms in w" in text
+    uncorrected = demo.summary["sphere"]["truth_uncorrected"]
+    assert re.search(rf"sphere, uncorrected, about truth +{uncorrected['mean']:.4f} \+- {uncorrected['std']:.4f}", text)
 
 
 def test_without_a_pressure_source_nothing_is_begun(tmp_path):

@@ -183,15 +183,17 @@ def test_no_points():
     assert none.track(frame(STILL, 1)).valid.shape == (0,)
 
 
-def test_references_that_no_point_has_are_let_go():
-    first = frame()
-    kept = weakref.ref(first)
+def test_references_that_no_point_has_are_let_go_but_the_first():
+    first, second = frame(), frame(translation(0.5, 0.0), 1)
+    kept = weakref.ref(first), weakref.ref(second)
     points = Tracker(first, POINTS, TrackingSettings(noise_grey=NOISE, lost_share=-1.0))
-    del first
-    for number in (1, 2):
+    points.track(second)
+    del first, second
+    for number in (2, 3):
         points.track(frame(translation(0.5 * number, 0.0), number))
         gc.collect()
-    assert kept() is None
+    assert kept[1]() is None
+    assert kept[0]() is not None  # whatever becomes of the others, every point was seen there
 
 
 @cache

@@ -15,7 +15,7 @@ import scipy.io
 from bscd.errors import InputError
 from bscd.results import ResultsFile
 from bscd.results.export import export_matlab
-from bscd.results.export.matlab import _NUMBERS_PER_FACE, _NUMBERS_PER_POINT
+from bscd.results.export.matlab import _NUMBERS_OF_TENSORS, _NUMBERS_PER_FACE, _NUMBERS_PER_POINT
 from bscd.results.export.surface import triangulate
 from bscd.results.export.triangle_deformation import triangle_deformation
 from tests.results.measured import frames, grid_px, header, reference_mm, with_extrapolated, write
@@ -26,6 +26,7 @@ M = len(FACES)
 
 FACE_MEASURES = ["J", "Lamda1", "Lamda2", "Emgn", "emgn", "Eeq", "eeq", "EShearMax", "eShearMax"]
 FACE_MEASURES += ["Epc1", "Epc2", "epc1", "epc2"]
+TENSORS = ["Fmat", "Cmat", "Emat", "emat"]
 FACE_DIRECTIONS = ["Epc1vecCur", "Epc2vecCur", "epc1vec", "epc2vec"]
 
 
@@ -58,6 +59,9 @@ def multidic_uses():
         yield f"Deform_ARBM.{name}", (T, 1), (M, 3 if "vec" in name else 1)
     for name in FACE_DIRECTIONS:
         yield f"Deform.{name}", (T, 1), (M, 3)
+    for name in TENSORS:
+        yield f"Deform.{name}", (T, 1), (3, 3, M)
+        yield f"Deform_ARBM.{name}", (T, 1), (3, 3, M)
     for name, shape in (("Points", (N, 2)), ("CorCoeffVec", (N, 1))):
         yield f"DIC2Dinfo.{name}", (2 * T, 1), shape
     for name in ("nCamRef", "nCamDef", "nImages"):
@@ -139,6 +143,37 @@ def test_faces_are_measured_against_the_reference_and_not_against_the_first_fram
     assert known == [True, True, True, False, True]
 
 
+def test_tensors_map_a_faces_edges_from_the_reference_as_triSurfaceDeformation_does(content):
+    corners = reference_mm(grid_px())[FACES]
+    edges = [corners[:, k] - corners[:, 0] for k in (1, 2)]
+    for k, frame in enumerate(frames(T)):
+        for name, points in (("Deform", frame.xyz_mm), ("Deform_ARBM", at(content, "Points3D_ARBM")[0, k])):
+            gradient, lagrange, almansi = (at(content, f"{name}.{each}")[k, 0] for each in ("Fmat", "Emat", "emat"))
+            known = np.isfinite(points[FACES]).all(axis=(1, 2))
+            assert (np.isfinite(gradient).all(axis=(0, 1)) == known).all()
+            for place, edge in enumerate(edges, 1):
+                moved = points[FACES[:, place]] - points[FACES[:, 0]]
+                np.testing.assert_allclose(np.einsum("ijm,mj->mi", gradient, edge)[known], moved[known], atol=1e-9)
+                # a strain is half the change of squared lengths, by the old ones or the new ones
+                change = (np.sum(moved**2, axis=1) - np.sum(edge**2, axis=1))[known] / 2
+                for strain, along in ((lagrange, edge), (almansi, moved)):
+                    np.testing.assert_allclose(
+                        np.einsum("mi,ijm,mj->m", along, strain, along)[known], change, atol=1e-9
+                    )
+
+
+def test_tensors_are_left_out_where_they_have_no_room(tmp_path, monkeypatch):
+    path = write(tmp_path / "r.h5", T)
+    without = 8 * T * (_NUMBERS_PER_POINT * N + _NUMBERS_PER_FACE * M)
+    for room, there in ((without, False), (without + 8 * T * _NUMBERS_OF_TENSORS * M, True)):
+        monkeypatch.setattr("bscd.results.export.matlab._LARGEST_BYTES", room)
+        with ResultsFile(path) as results:
+            (made,) = export_matlab(results, tmp_path / str(there))
+        fields = scipy.io.loadmat(made)["DIC3DPPresults"]["Deform"][0, 0].dtype.names
+        assert [name in fields for name in TENSORS] == [there] * 4
+        assert "Lamda1" in fields
+
+
 def test_without_its_rigid_motion_a_frame_lies_on_the_reference(content):
     reference = reference_mm(grid_px())
     for k, frame in enumerate(frames(T)):
@@ -217,8 +252,9 @@ def test_the_size_that_is_reckoned_with_is_that_of_the_file(tmp_path):
             write(tmp_path / f"{count}.h5", head=header(points_px=points_px), measured=measured)
         ) as results:
             sizes.append(export_matlab(results, tmp_path / str(count))[0].stat().st_size)
-    reckoned = 8 * (_NUMBERS_PER_POINT * 144 + _NUMBERS_PER_FACE * len(triangulate(points_px)))
-    assert (sizes[1] - sizes[0]) / 10 == pytest.approx(reckoned, rel=0.1)
+    faces = len(triangulate(points_px))
+    reckoned = 8 * (_NUMBERS_PER_POINT * 144 + (_NUMBERS_PER_FACE + _NUMBERS_OF_TENSORS) * faces)
+    assert (sizes[1] - sizes[0]) / 10 == pytest.approx(reckoned, rel=0.05)
 
 
 def test_nothing_is_overwritten(exported):

@@ -24,6 +24,7 @@ def definition(reference, deformed):
     lagrange = (gradient.T @ gradient - np.eye(3)) / 2
     almansi = (np.eye(3) - np.linalg.inv(gradient @ gradient.T)) / 2
     values = {"J": np.linalg.det(gradient), "d3": frame(deformed)[:, 2]}
+    values |= {"Fmat": gradient, "Cmat": gradient.T @ gradient, "Emat": lagrange, "emat": almansi}
     a, b = reference[1] - reference[0], reference[2] - reference[0]
     values["Area"] = np.linalg.norm(np.cross(a, b)) / 2
     for letter, tensor, normal in (("E", lagrange, frame(reference)[:, 2]), ("e", almansi, frame(deformed)[:, 2])):

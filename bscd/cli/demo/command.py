@@ -102,7 +102,9 @@ def run_demo(out: Path, config_text: str, config_name: str = "configuration") ->
         world.close()
     with progress("Report", 2, "parts") as step:
         measured = _measured(calibration, config, config_text, inflated, out)
-        summary = summarise(calibration, pos0, volume, measured, measuring.summary(inflated, out))
+        summary = summarise(
+            calibration, pos0, volume, measured, measuring.summary(inflated, out), inflated.sphere_centre_mm
+        )
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         step(1, "figures")
         data = ReportData(
@@ -144,7 +146,7 @@ def _measured(
             [Source(results, run, calibration) for results, run in pairs],
             sphere_radius_mm=config.sphere.radius_mm,
             facts=setup_facts(text),
-            truth_w_rms_mm=inflated.w_rms_mm,
+            truth_w_rms_mm=inflated.missed.uvw_rms_mm[:, 2],
         )
 
 

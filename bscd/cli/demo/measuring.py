@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import typer
@@ -14,7 +15,7 @@ from bscd.acquisition import RunFile
 from bscd.arrays import FloatArray
 from bscd.calibration import Calibration
 from bscd.cli.following import following
-from bscd.cli.twin_truth import WitnessedWorld, truth_w_rms_mm
+from bscd.cli.twin_truth import Missed, WitnessedWorld, missed_of_truth, true_centre_mm
 from bscd.config import RigConfig
 from bscd.procedures import Progress, Rig
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
@@ -27,11 +28,15 @@ INFLATION, INFLATION_RESULT = "inflation.h5", "inflation-result.h5"
 
 @dataclass(frozen=True, eq=False)
 class Inflated:
-    """What the inflation's recording came to, how fast it was measured, and each frame's error of w (mm, rms)."""
+    """What the inflation's recording came to, how fast it was measured, and what the frames miss of the truth.
+
+    ``sphere_centre_mm`` ``(3,)`` is where the sphere truly was.
+    """
 
     recording: Recording
     live_fps: float
-    w_rms_mm: FloatArray
+    missed: Missed
+    sphere_centre_mm: FloatArray
 
 
 def record(rig: Rig, world: WitnessedWorld, config: RigConfig, text: str, out: Path) -> Recording:
@@ -60,8 +65,10 @@ def measure(
     live_fps = _measure(
         calibration, config, out / INFLATION, out / INFLATION_RESULT, "biprism", "Measuring the inflation"
     )
+    with ResultsFile(out / SPHERE_RESULT) as results, RunFile(out / SPHERE) as run:
+        centre_mm = true_centre_mm(results, run, world)
     with ResultsFile(out / INFLATION_RESULT) as results, RunFile(out / INFLATION) as run:
-        return Inflated(recording, live_fps, truth_w_rms_mm(results, run, world))
+        return Inflated(recording, live_fps, missed_of_truth(results, run, world, calibration.hull), centre_mm)
 
 
 def _measure(
@@ -91,8 +98,12 @@ def _measure(
     return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else float("nan")
 
 
-def summary(inflated: Inflated, out: Path) -> dict[str, float | int]:
-    """The inflation's part of summary.json; the truth over the frames that took no part in the reference."""
+def summary(inflated: Inflated, out: Path) -> dict[str, Any]:
+    """The inflation's part of summary.json.
+
+    ``truth_w_rms`` is over the frames that took no part in the reference; ``truth_worst`` and ``kept_worst`` are of the
+    frame that misses the most.
+    """
     with ResultsFile(out / INFLATION_RESULT) as results:
         valid = results.array("status") == 0
         w = np.where(valid, results.array("uvw_mm")[:, :, 2], np.nan)
@@ -106,5 +117,7 @@ def summary(inflated: Inflated, out: Path) -> dict[str, float | int]:
             "points": len(results.points_px),
             "live_fps": inflated.live_fps,
             "w_max": float(np.nanmax(w)),
-            "truth_w_rms": float(np.sqrt(np.average(inflated.w_rms_mm[loaded] ** 2, weights=count))),
+            "truth_w_rms": float(np.sqrt(np.average(inflated.missed.uvw_rms_mm[loaded, 2] ** 2, weights=count))),
+            "truth_worst": dict(zip("uvw", np.max(inflated.missed.uvw_rms_mm, axis=0).tolist(), strict=True)),
+            "kept_worst": float(np.min(inflated.missed.kept)),
         }

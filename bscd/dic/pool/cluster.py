@@ -43,6 +43,7 @@ class DaskPool:
             raise InputError("a Dask pool needs the extra cluster; run: pip install 'bscd[cluster]'") from error
         # a chunk of frames is meant to travel with its task: so the scheduler has it when a worker is lost
         config.set({"distributed.admin.large-graph-warning-threshold": "10GB"})
+        _check_address(address)
         try:
             self._client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False, name="bscd")
         except (OSError, ValueError) as error:
@@ -140,6 +141,20 @@ class DaskPool:
     ) -> None:
         """Close it."""
         self.close()
+
+
+def _check_address(address: str) -> None:
+    """Raise `InputError` for what is no address: the client that is refused one so can not be closed."""
+    from distributed.comm.addressing import get_address_host_port
+
+    try:
+        port = get_address_host_port(address)[1]
+    except (ValueError, RuntimeError) as error:
+        raise InputError(
+            f"{address}: no Dask scheduler answers there ({error}); give its address, tcp://host:8786"
+        ) from error
+    if not 0 < port < 65536:
+        raise InputError(f"{address}: no Dask scheduler answers there (port {port}); give its address, tcp://host:8786")
 
 
 def _lost(error: BaseException) -> WorkerLostError:

@@ -28,8 +28,8 @@ FILE_NAME = "DIC3DPPresults_1Pairs.mat"
 #: MATLAB reads no larger variable from this kind of file.
 _LARGEST_BYTES = 2**31 - 1
 
-#: float64 numbers a point and a face take in a frame of ``DIC3DPPresults``.
-_NUMBERS_PER_POINT, _NUMBERS_PER_FACE = 23, 80
+#: float64 numbers a point and a face take in a frame of ``DIC3DPPresults``, and a face's tensors.
+_NUMBERS_PER_POINT, _NUMBERS_PER_FACE, _NUMBERS_OF_TENSORS = 23, 80, 72
 
 
 def export_matlab(results: ResultsFile, folder: Path, progress: ExportProgress | None = None) -> tuple[Path, ...]:
@@ -37,6 +37,7 @@ def export_matlab(results: ResultsFile, folder: Path, progress: ExportProgress |
 
     It holds ``DIC3DPPresults`` and ``bscd``, a structure with what MultiDIC has no place for: uncertainties,
     displacements in the membrane frame, status, times, pressures, parameters and where the results come from.
+    The faces' tensors (``Fmat``, ``Cmat``, ``Emat``, ``emat``) are left out where one file has no room for them.
 
     Raises
     ------
@@ -45,24 +46,29 @@ def export_matlab(results: ResultsFile, folder: Path, progress: ExportProgress |
     """
     path = folder / FILE_NAME
     faces = triangulate(results.points_px)
-    _check_size(results, len(faces))
+    tensors = _tensors_fit(results, len(faces))
     with exporting(folder, [FILE_NAME]):
         frames = list(frames_to_export(results, progress))
-        content = {"DIC3DPPresults": _dic3dpp_results(results, faces, frames), "bscd": _beside(results, frames)}
+        content = {
+            "DIC3DPPresults": _dic3dpp_results(results, faces, frames, tensors),
+            "bscd": _beside(results, frames),
+        }
         savemat(path, content, long_field_names=True, oned_as="column")
     return (path,)
 
 
-def _check_size(results: ResultsFile, faces: int) -> None:
+def _tensors_fit(results: ResultsFile, faces: int) -> bool:
+    """Whether there is room for the faces' tensors too; raises `InputError` where there is none for the rest."""
     frame_bytes = 8 * (_NUMBERS_PER_POINT * len(results.points_px) + _NUMBERS_PER_FACE * faces)
     if len(results) * frame_bytes > _LARGEST_BYTES:
         raise InputError(
             f"{results.path} is too large for one MATLAB file ({len(results)} frames of {len(results.points_px)} "
             f"points, {_LARGEST_BYTES // frame_bytes} are possible); export csv, or measure fewer points or frames"
         )
+    return len(results) * (frame_bytes + 8 * _NUMBERS_OF_TENSORS * faces) <= _LARGEST_BYTES
 
 
-def _dic3dpp_results(results: ResultsFile, faces: IntArray, frames: list[FrameResult]) -> dict[str, Any]:
+def _dic3dpp_results(results: ResultsFile, faces: IntArray, frames: list[FrameResult], tensors: bool) -> dict[str, Any]:
     """The structure of MultiDIC's fourth step, fields and shapes as there."""
     reference_mm = reference_shape(frames)
     points_mm = [frame.xyz_mm for frame in frames]
@@ -86,8 +92,8 @@ def _dic3dpp_results(results: ResultsFile, faces: IntArray, frames: list[FrameRe
         "FaceCorrComb": _row([c[faces, 0].max(axis=1, keepdims=True) for c in correlation]),
         "FaceIsoInd": _row([isotropy_index(faces, points)[:, None] for points in points_mm]),
         "RBM": _motions(motions),
-        "Deform": _deformation(faces, reference_mm, points_mm),
-        "Deform_ARBM": _deformation(faces, reference_mm, unmoved_mm),
+        "Deform": _deformation(faces, reference_mm, points_mm, tensors),
+        "Deform_ARBM": _deformation(faces, reference_mm, unmoved_mm, tensors),
     }
 
 
@@ -139,9 +145,15 @@ def _motions(motions: list[RigidMotion]) -> dict[str, Any]:
     }
 
 
-def _deformation(faces: IntArray, reference_mm: FloatArray, points_mm: list[FloatArray]) -> dict[str, Any]:
-    found = [triangle_deformation(faces, reference_mm, points) for points in points_mm]
-    return {name: _cells([values[name] for values in found]) for name in found[0]}
+def _deformation(
+    faces: IntArray, reference_mm: FloatArray, points_mm: list[FloatArray], tensors: bool
+) -> dict[str, Any]:
+    found = [triangle_deformation(faces, reference_mm, points, tensors=tensors) for points in points_mm]
+    # a tensor a face is (3, 3, M) there
+    return {
+        name: _cells([np.moveaxis(v[name], 0, -1) if v[name].ndim == 3 else v[name] for v in found])
+        for name in found[0]
+    }
 
 
 def _beside(results: ResultsFile, frames: list[FrameResult]) -> dict[str, Any]:

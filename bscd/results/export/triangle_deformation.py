@@ -11,7 +11,9 @@ import numpy as np
 from bscd.arrays import FloatArray, IntArray
 
 
-def triangle_deformation(faces: IntArray, reference_mm: FloatArray, deformed_mm: FloatArray) -> dict[str, FloatArray]:
+def triangle_deformation(
+    faces: IntArray, reference_mm: FloatArray, deformed_mm: FloatArray, *, tensors: bool = True
+) -> dict[str, FloatArray]:
     """Stretches, strains and their directions of each face ``(M, 3)``; NaN where a corner is not known.
 
     Returns
@@ -22,6 +24,8 @@ def triangle_deformation(faces: IntArray, reference_mm: FloatArray, deformed_mm:
         ``emgn``, equivalent strains ``Eeq``, ``eeq`` (von Mises) and largest shears ``EShearMax``, ``eShearMax``.
         ``(M, 3)``: ``d3`` the deformed normal; ``Epc1vec``, ``Epc2vec`` principal directions in the reference,
         ``Epc1vecCur``, ``Epc2vecCur`` the same in the deformed state, where they are also ``epc1vec``, ``epc2vec``.
+        ``(M, 3, 3)`` with ``tensors``: ``Fmat``, ``Cmat`` = F^T F, and the strains ``Emat`` = (C - 1) / 2 and
+        ``emat`` = (1 - (F F^T)^-1) / 2.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         edges_mm, moved_mm = _edges(faces, reference_mm), _edges(faces, deformed_mm)
@@ -35,12 +39,13 @@ def triangle_deformation(faces: IntArray, reference_mm: FloatArray, deformed_mm:
         after = np.einsum("mbk,mbi->mki", turns, gradient) / stretches[:, :, None]
         lagrange, almansi = (stretches**2 - 1.0) / 2.0, (1.0 - stretches**-2) / 2.0
         known = np.all(np.isfinite(stretches), axis=1)
+        moved_normal = _normal(moved_mm)[0]
         values = {
             "Lamda1": stretches[:, 0],
             "Lamda2": stretches[:, 1],
             "J": stretches.prod(axis=1),
             "Area": np.where(known, area_mm2, np.nan),
-            "d3": _normal(moved_mm)[0],
+            "d3": moved_normal,
         }
         for letter, strain in (("E", lagrange), ("e", almansi)):
             values[f"{letter}pc1"], values[f"{letter}pc2"] = strain[:, 0], strain[:, 1]
@@ -51,6 +56,11 @@ def triangle_deformation(faces: IntArray, reference_mm: FloatArray, deformed_mm:
     for k in (0, 1):
         values[f"Epc{k + 1}vec"] = before[:, k]
         values[f"Epc{k + 1}vecCur"] = values[f"epc{k + 1}vec"] = after[:, k]
+    if tensors:
+        values["Fmat"] = np.einsum("mbi,mbj->mij", gradient, basis) + moved_normal[:, :, None] * normal[:, None, :]
+        values["Emat"] = np.einsum("mk,mki,mkj->mij", lagrange, before, before)
+        values["emat"] = np.einsum("mk,mki,mkj->mij", almansi, after, after)
+        values["Cmat"] = np.eye(3) + 2.0 * values["Emat"]
     return values
 
 

@@ -1,7 +1,10 @@
 """The same promises from the workers of a Dask cluster."""
 
 import os
+import re
 import socket
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -70,6 +73,24 @@ def test_an_address_without_a_scheduler_is_told_in_a_sentence(monkeypatch):
             DaskPool(address)
     with pytest.raises(InputError, match="no Dask scheduler"):
         DaskPool("nonsense://1")
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("foo", "missing port"),
+        ("nonsense://1", "nonsense"),
+        ("tcp://foo", "missing port"),
+        ("tcp://foo:99999", "99999"),
+    ],
+)
+def test_what_is_no_address_is_told_at_once_and_leaves_no_client(address, why):
+    """In a process of its own: what a half-made client says, it says while it is taken away."""
+    code = f"from bscd.dic.pool import DaskPool\ntry:\n    DaskPool({address!r})\nexcept Exception as e:\n    print(e)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=15)
+    assert done.stderr == ""
+    said = rf"{address}: no Dask scheduler answers there \(.*{why}.*\); give its address, tcp://host:8786\n"
+    assert re.fullmatch(said, done.stdout)
 
 
 def test_a_killed_worker_costs_time_not_results(tmp_path):

@@ -174,7 +174,36 @@ class TestSigma:
 
     @pytest.mark.parametrize("noise_times", [1.0, 2.0])
     @pytest.mark.parametrize("third", [0, 1, 2])
-    def test_in_each_third_of_the_depth_as_the_membrane_rises(self, noisy, third: int, noise_times: float):
+    def test_in_each_third_of_the_volume(
+        self, wide: Calibration, twin_runs: TwinRuns, tmp_path, third: int, noise_times: float
+    ):
+        depth_mm = wide.control.distorted_mm[:, 1]
+        edges = np.linspace(depth_mm.min(), depth_mm.max(), 4)
+        rest = twin_runs.inflated(REST_KPA)
+        there = twin_runs.world.surface_positions(np.zeros((1, 2)), rest)[0, 1]
+        shift_mm = (0.0, (edges[third] + edges[third + 1]) / 2.0 - there, 0.0)
+        placed = rest.placement._replace(shift_mm=shift_mm)
+        pressures = [REST_KPA, REST_KPA, 2.0, 4.0]
+        states = [twin_runs.inflated(p)._replace(placement=placed) for p in pressures]
+        records = [
+            twin_runs.frame(twin_runs.image(state, noise_times=noise_times), k, pressure)
+            for k, (state, pressure) in enumerate(zip(states, pressures, strict=True))
+        ]
+        found = follow(wide, twin_runs, write(tmp_path / "placed.h5", records), states, strain=False)
+        displacements, positions = [], []
+        for k in (2, 3):
+            known, depths = found.known(k), found.truth_mm[k][:, 1]
+            assert known.sum() > 1500
+            assert ((depths > edges[third]) & (depths < edges[third + 1]))[known].mean() > 0.9
+            off = np.abs(found.frames[k].displacement_mm - (found.truth_mm[k] - found.truth_mm[0]))
+            displacements.append((off < found.frames[k].displacement_sigma_mm)[known])
+            positions.append((np.abs(found.frames[k].xyz_mm - found.truth_mm[k]) < found.frames[k].sigma_mm)[known])
+        for covered in (np.concatenate(displacements).mean(axis=0), np.concatenate(positions).mean(axis=0)):
+            assert np.abs(covered - 0.68).max() <= 0.07, covered
+
+    @pytest.mark.parametrize("noise_times", [1.0, 2.0])
+    @pytest.mark.parametrize("third", [0, 1, 2])
+    def test_in_each_third_of_its_own_depth_as_the_membrane_rises(self, noisy, third: int, noise_times: float):
         found, displacements, positions = noisy(noise_times), [], []
         for frame, truth in list(zip(found.frames, found.truth_mm, strict=True))[3:]:
             known = frame.valid & found.speckled

@@ -74,6 +74,10 @@ def test_corrected_about_the_true_centre(measured):
     deviation = radial_deviation(measured().points_mm, measured().centre_mm, measured().radius_mm)
     assert abs(deviation.mean()) <= 0.005
     assert deviation.std() <= 0.012
+    raw = measured(corrected=False)
+    uncorrected = radial_deviation(raw.points_mm, raw.centre_mm, raw.radius_mm)
+    assert abs(uncorrected.mean()) > 5.0 * abs(deviation.mean())
+    assert uncorrected.std() > 3.0 * deviation.std()
 
 
 def test_without_correction_it_is_several_times_worse(measured):
