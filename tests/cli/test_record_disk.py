@@ -159,6 +159,5 @@ def test_one_without_any_room_left_ends_it_vented_and_can_be_recovered(disk):
     told = disk("full", 70_000_000)  # the reserve is gone too; closing a file that has no room ends HDF5's process
     assert told["code"] == 1
     assert "No space left on device" in told["said"][0]
-    assert (told["state"], told["damage"]) == ("interrupted", "")
-    assert told["frames"] >= 3
+    assert (told["state"], told["damage"]) == ("interrupted", "")  # with what was flushed, less than 1 s before
     assert ended_vented(told)

@@ -169,11 +169,11 @@ def test_catching_up_can_be_stopped(wide, inflation_run, tmp_path, by, capfd):
 
 
 def test_time_runs_from_the_last_sign_of_progress(wide, inflation_run, tmp_path):
-    with measuring(wide, inflation_run, tmp_path / "live.h5", events=Slow(1.5)) as live:
+    with measuring(wide, inflation_run, tmp_path / "live.h5", events=Slow(0.8)) as live:
         assert live.wait_ready(WAIT_S)
         begun_s = time.monotonic()
-        assert live.finish(inflation_run, 12.0).frames == 12
-        assert time.monotonic() - begun_s > 12.0
+        assert live.finish(inflation_run, 7.0).frames == 12
+        assert time.monotonic() - begun_s > 7.0
 
 
 class Slow(list):
