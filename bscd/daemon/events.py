@@ -42,7 +42,7 @@ def first_id() -> int:
 class EventLog:
     """The last ``keep`` events, as far as ``keep_bytes`` hold them; `publish` never waits, from any thread."""
 
-    def __init__(self, keep: int = 5000, keep_bytes: int = 16_000_000, first: int | None = None) -> None:
+    def __init__(self, keep: int = 5000, keep_bytes: int = 8_000_000, first: int | None = None) -> None:
         self._lock = threading.Lock()
         self._next = first_id() if first is None else first
         self._keep, self._keep_bytes = keep, keep_bytes
