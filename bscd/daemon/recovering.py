@@ -87,10 +87,10 @@ class RunCheck:
                 damage = str(error)
             if self._ending.is_set():
                 return
+            self._left.pop(path)
             if damage:
                 _LOG.warning("a recovered run is damaged", run=path.name, damage=damage)
                 self._damaged(job_id, f"{path.stem}: {damage}")
-            self._left.pop(path)
 
 
 def _left_open(path: Path) -> bool:

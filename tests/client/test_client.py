@@ -21,21 +21,8 @@ from bscd.daemon.errors import (
 from bscd.daemon.estop_listener import EStopListener
 from bscd.errors import BscdError, InputError
 from tests.api.serving import api_of
-from tests.daemon.small import WAIT_S, done, small_daemon, until
+from tests.daemon.small import WAIT_S, small_daemon, until
 from tests.procedures.measuring.twin_runs import CAMERA
-
-
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with small_daemon(tmp_path_factory.mktemp("client"), sensor_px=320, requests_per_s=10_000.0) as opened:
-        done(opened, "home")
-        yield opened
-
-
-@pytest.fixture(scope="module")
-def url(daemon):
-    with api_of(daemon) as api:
-        yield str(api.base_url)
 
 
 @pytest.fixture
