@@ -2,8 +2,11 @@ import hashlib
 import json
 import statistics
 import struct
+import subprocess
+import sys
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -262,3 +265,29 @@ def test_memory_does_not_grow_with_the_frames(tmp_path):
         grown, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert grown < 200_000  # a frame is 254 kB, forty of them 10 MB
+
+
+def test_neither_does_hdf5_keep_what_was_written(tmp_path):
+    code = f"""
+from dataclasses import replace
+from pathlib import Path
+from bscd.results import ResultsWriter
+from tests.results.measured import frames, grid_px, header
+
+def resident_mb():
+    return int(next(l for l in open("/proc/self/status") if l.startswith("VmRSS")).split()[1]) / 1024
+
+points = grid_px(40, 40)
+with ResultsWriter(Path({str(tmp_path / "r.h5")!r}), header(points_px=points), flush_every=11) as results:
+    first, measured = frames(2, points)
+    results.append(first)
+    for number in range(300):
+        results.append(replace(measured, number=number + 10))
+        if number == 20:
+            before = resident_mb()
+    print(resident_mb() - before)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
+    )
+    assert float(done.stdout) < 15.0  # it was written 70 MB
