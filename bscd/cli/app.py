@@ -56,8 +56,9 @@ def build_app(arguments: Sequence[str] = ()) -> typer.Typer:
     ) -> None:
         pass
 
-    named = [module for module, commands in COMMANDS.items() if set(commands) & set(arguments[:1])]
-    for name in named or COMMANDS:
+    first = set(arguments[:1])
+    named = [module for module, commands in COMMANDS.items() if first & set(commands)]
+    for name in [] if first == {"--version"} else named or COMMANDS:
         importlib.import_module(f"bscd.cli.{name}").register(app)
     return app
 

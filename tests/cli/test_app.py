@@ -14,6 +14,13 @@ def test_version_and_exit_codes():
     done = subprocess.run([BSCD, "--version"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0
     assert done.stdout.startswith("bscd ")
+    by_module = subprocess.run([sys.executable, "-m", "bscd", "--version"], capture_output=True, text=True, timeout=60)
+    assert (by_module.returncode, by_module.stdout) == (0, done.stdout)
+
+
+def test_the_version_is_told_without_loading_the_commands():
+    told = "import sys; from bscd.cli.app import run; run(['--version']); sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", told], capture_output=True, timeout=60).returncode == 0
 
 
 def test_good_and_bad_configuration(capsys, tmp_path):

@@ -1,0 +1,5 @@
+"""`python -m bscd`: the command where its own name is not on the path."""
+
+from bscd.cli.app import main
+
+main()
