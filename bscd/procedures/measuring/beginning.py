@@ -105,6 +105,7 @@ class Begun:
             "noise_frame_grey": self.noise_grey[1],
             "triangulation": choices.triangulation,
             "maps": choices.interpolant,
+            "epipolar_limit_px": float(self.watch.refused_px),
             "epipolar_median_px": float(np.nanmedian(sequence.reference.epipolar_px)),
         }
         if gauge is not None:

@@ -32,7 +32,8 @@ class EpipolarWatch:
         moved: str,
         warn: Callable[[str], None],
     ) -> None:
-        self._limit_px, self._refused_px, self._moved, self._warn = limit_px, refused_px, moved, warn
+        self.refused_px = refused_px
+        self._limit_px, self._moved, self._warn = limit_px, moved, warn
         self._told_moved = self._told_refused = False
         self._least = max(1.0, _LEAST_PART * len(_residuals(reference)))
         self._judge(reference, "in the reference", "calibrate again")
@@ -61,7 +62,7 @@ class EpipolarWatch:
             self._told_refused = True
             self._warn(
                 f"{when} {refused} of {len(residuals)} points that match are refused (status epipolar), more than "
-                f"{self._refused_px:g} px beside their epipolar lines"
+                f"{self.refused_px:g} px beside their epipolar lines"
             )
 
 

@@ -97,6 +97,7 @@ def test_results_keep_the_median_of_each_frame(wide, twin_runs, images, tmp_path
         measure_to_file(wide, run, tmp_path / "results.h5", COARSE)
     with ResultsFile(tmp_path / "results.h5") as results:
         medians = results.array("epipolar_median_px")
+        assert results.header.parameters["epipolar_limit_px"] == 5.0 * wide.epipolar_limit_px
     assert medians[0] < 0.02
     assert medians[1] == pytest.approx(0.3 / np.sqrt(2.0), abs=0.02)
     assert np.isnan(medians[2])
