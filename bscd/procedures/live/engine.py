@@ -229,6 +229,8 @@ class LiveEngine:
         """Name the run, and measure its frames that the results do not have; returns how many."""
         setup = self._setup
         choice = choose_frames(run, setup.phase, setup.settings.stereo, setup.calibration.jack_mm)
+        if choice.left_out:
+            self._tell(LiveWarning(f"{run.path}: {choice.left_out}"))
         numbers = [choice.numbers[place] for place in choice.reference]
         if self._begun is not None and self._begun.numbers != tuple(numbers):
             self._begin_anew(run)

@@ -181,14 +181,17 @@ def test_a_damaged_frame_keeps_its_number_and_costs_nothing(wide, inflation_run,
         frames = list(run.frames("primary", "inflation"))
     for number in (1, 5):
         frames[number] = replace(frames[number], status=FrameStatus.INCOMPLETE)
-    damaged_run = write(tmp_path / "run.h5", frames)
-    with measuring(wide, damaged_run, tmp_path / "live.h5") as live:
+    damaged_run, events = write(tmp_path / "run.h5", frames), []
+    with measuring(wide, damaged_run, tmp_path / "live.h5", events=events) as live:
         for number, frame in enumerate(frames):
             if frame.status is FrameStatus.OK:
                 live.push(number, frame.data, frame.time_s, frame.pressure_kpa)
             else:
                 live.skip(number)
         assert live.finish(damaged_run, WAIT_S) == LiveDone(frames=10, caught_up=0, worker_restarts=0)
+    assert [event.text for event in events if isinstance(event, LiveWarning)] == [
+        f"{damaged_run}: 2 of 12 inflation frames are left out: 2 incomplete in the primary camera (frames 1, 5)"
+    ]
     with RunFile(damaged_run) as run:
         measure_to_file(wide, run, tmp_path / "after.h5", SETTINGS)
     with ResultsFile(tmp_path / "after.h5") as results:
