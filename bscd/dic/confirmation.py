@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
+from bscd.dic.trees import quick_tree
 
 #: Neighbours that are asked, of whom this share must agree; with fewer than these nothing can be told.
 _NEIGHBOURS = 8
@@ -38,7 +38,7 @@ def confirmed(
     one that is sure itself is not refused by so few at all.
     """
     voters = _best_in_cells(points_px, np.where(valid, zncc, -2.0), subset_px)
-    distance, near = KDTree(points_px[voters]).query(
+    distance, near = quick_tree(points_px[voters]).query(
         points_px[index], k=2 * _NEIGHBOURS, distance_upper_bound=_REACH_SUBSETS * subset_px
     )
     there = np.isfinite(distance)

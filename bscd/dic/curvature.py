@@ -16,15 +16,23 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray, IntArray
 from bscd.dic.correlation import Correlation
 from bscd.dic.correlator import correlate
-from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals, second_orders
+from bscd.dic.curvature_kernel import (
+    TERMS,
+    fit_weights,
+    half_squares,
+    leftover,
+    neighbour_sums,
+    residuals,
+    second_orders,
+)
 from bscd.dic.guess import seed_points
 from bscd.dic.images import PreparedImage
 from bscd.dic.solver import KnownSubsets
+from bscd.dic.trees import quick_tree
 
 #: The neighbourhood's radius, in subsets, and in distances between points where they are far apart.
 _RADIUS_SUBSETS = 1.5
@@ -44,8 +52,6 @@ _LESS_ALIKE = 0.1
 
 #: Second derivatives are believed when 1 - ZNCC does not grow by more than this with them.
 _NOT_WORSE = 1.01
-
-_TERMS = 6
 
 #: A point that is off by more than this many times the variance that points have everywhere counts as this many; what
 #: that takes off noise's mean is made up for.
@@ -71,13 +77,14 @@ class Curvature:
         count = len(self._points_px)
         radius = _RADIUS_SUBSETS * subset_px
         if count > 1:
-            spacing = float(np.median(KDTree(self._points_px).query(self._points_px, k=2)[0][:, 1]))
+            spacing = float(np.median(quick_tree(self._points_px).query(self._points_px, k=2)[0][:, 1]))
             radius = max(radius, _RADIUS_SPACINGS * spacing * 1.01)
         radius *= widened
         self._offset, self._index = _neighbours(self._points_px, radius)
         self._count = np.count_nonzero(np.isfinite(self._offset[:, :, 0]), axis=1)  # the nearest ones come first
         self._radius_px = radius
-        self._weights = np.zeros((count, _TERMS, self._index.shape[1]))
+        self._weights = np.zeros((count, TERMS, self._index.shape[1]))
+        self._noise = np.zeros(count)
         self._expected, self._stale = np.zeros(count), np.ones(count, bool)
         self._good = np.zeros(count, bool)
         self._known = np.zeros(count, bool)
@@ -97,7 +104,7 @@ class Curvature:
         bad = np.flatnonzero(~self._good)
         if len(bad):
             good = np.flatnonzero(self._good)
-            result[bad] = result[good[KDTree(self._points_px[good]).query(self._points_px[bad])[1]]]
+            result[bad] = result[good[quick_tree(self._points_px[good]).query(self._points_px[bad])[1]]]
         return result
 
     def residual_px(self, displacement_px: FloatArray) -> FloatArray:
@@ -141,17 +148,9 @@ class Curvature:
         self._known, self._fresh = known.copy(), False
         if not len(rows):
             return
-        x, y = np.moveaxis(self._offset[rows] / self._radius_px, 2, 0)
-        there = np.isfinite(x) & known[self._index[rows]]
-        x, y = np.where(there, x, 0.0), np.where(there, y, 0.0)
-        design = np.stack([there.astype(float), x, y, x * x / 2.0, x * y, y * y / 2.0], axis=2)
-        normal = np.swapaxes(design, 1, 2) @ design
-        ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-12
-        weights = np.linalg.solve(normal + ridge * np.eye(_TERMS), np.swapaxes(design, 1, 2))
-        weights[:, 3:] /= self._radius_px**2
-        noise = self._square_px2 / 2.0 * np.sqrt(np.sum(weights[:, [3, 5]] ** 2, axis=(1, 2)))
-        self._good[rows] = (there.sum(axis=1) > _TERMS) & (noise < _LARGEST_NOISE)
-        self._weights[rows] = weights
+        noise = self._noise, self._square_px2 / 2.0
+        fit_weights(self._offset, self._index, self._count, known, rows, self._radius_px, self._weights, *noise)
+        self._good[rows] = self._noise[rows] < _LARGEST_NOISE
         self._stale[rows] = True
 
 
@@ -161,7 +160,7 @@ def _neighbours(points_px: FloatArray, radius_px: float) -> tuple[FloatArray, In
         return np.zeros((0, 0, 2)), np.zeros((0, 0), np.int64)
     voters = seed_points(points_px, _CELL * radius_px)
     most = min(len(voters), int(np.ceil(np.pi * (1.0 / _CELL + 1.0) ** 2)))
-    found = KDTree(points_px[voters]).query(points_px, k=most, distance_upper_bound=radius_px)
+    found = quick_tree(points_px[voters]).query(points_px, k=most, distance_upper_bound=radius_px)
     distance, near = (np.asarray(each).reshape(len(points_px), most) for each in found)
     there = np.isfinite(distance)
     most = max(int(there.sum(axis=1).max()), 1)

@@ -1,4 +1,4 @@
-"""The kernels of `Curvature`: what lies off the local fits, and how much of that noise lets expect."""
+"""The kernels of `Curvature`: local fits, what lies off them, and how much of that noise lets expect."""
 
 from __future__ import annotations
 
@@ -6,6 +6,79 @@ import math
 
 import numpy as np
 from numba import njit
+
+TERMS = 6
+"""Of a fit of second order: value, two first and three second derivatives."""
+
+_RIDGE = 1e-9  # of the normal matrix's trace: what few neighbours leave open is taken as 0
+
+
+@njit(cache=True, nogil=True)
+def fit_weights(offset, index, count, known, rows, radius, weights, noise, half_square):
+    """Weights ``(N, 6, K)`` of the neighbours in least-squares fits of second order about points ``rows`` ``(n,)``.
+
+    The neighbours, ``index`` ``(N, K)``, are the first ``count`` ``(N,)`` at the offsets ``(N, K, 2)``; those that are
+    not ``known`` ``(N,)`` have no weight. ``noise`` ``(N,)``: of ``half_square`` times the Laplacian for values of unit
+    noise; infinite where there are too few.
+    """
+    normal, inverse, phi = np.empty((TERMS, TERMS)), np.empty((TERMS, TERMS)), np.empty(TERMS)
+    for n in rows:
+        normal[:] = 0.0
+        weights[n] = 0.0
+        there = 0
+        for k in range(count[n]):
+            if known[index[n, k]]:
+                there += 1
+                _basis(offset[n, k, 0] / radius, offset[n, k, 1] / radius, phi)
+                for a in range(TERMS):
+                    for b in range(a + 1):
+                        normal[a, b] += phi[a] * phi[b]
+        noise[n] = math.inf
+        if there <= TERMS:
+            continue
+        ridge = _RIDGE * np.trace(normal) + 1e-12
+        for a in range(TERMS):
+            normal[a, a] += ridge
+        _invert(normal, inverse)
+        squares = 0.0
+        for k in range(count[n]):
+            if known[index[n, k]]:
+                _basis(offset[n, k, 0] / radius, offset[n, k, 1] / radius, phi)
+                for a in range(TERMS):
+                    weight = 0.0
+                    for b in range(TERMS):
+                        weight += inverse[a, b] * phi[b]
+                    weights[n, a, k] = weight if a < 3 else weight / radius**2
+                squares += weights[n, 3, k] ** 2 + weights[n, 5, k] ** 2
+        noise[n] = half_square * math.sqrt(squares)
+
+
+@njit(cache=True, inline="always")
+def _basis(x, y, out):
+    out[0], out[1], out[2], out[3], out[4], out[5] = 1.0, x, y, x * x / 2.0, x * y, y * y / 2.0
+
+
+@njit(cache=True, nogil=True)
+def _invert(normal, inverse):
+    """The inverse of a positive symmetric matrix of which the lower half is given, and overwritten."""
+    size = len(normal)
+    for a in range(size):  # Cholesky
+        for b in range(a + 1):
+            total = normal[a, b]
+            for k in range(b):
+                total -= normal[a, k] * normal[b, k]
+            normal[a, b] = math.sqrt(total) if a == b else total / normal[b, b]
+    for c in range(size):
+        for a in range(size):
+            total = 1.0 if a == c else 0.0
+            for k in range(a):
+                total -= normal[a, k] * inverse[k, c]
+            inverse[a, c] = total / normal[a, a]
+        for a in range(size - 1, -1, -1):
+            total = inverse[a, c]
+            for k in range(a + 1, size):
+                total -= normal[k, a] * inverse[k, c]
+            inverse[a, c] = total / normal[a, a]
 
 
 @njit(cache=True, nogil=True)

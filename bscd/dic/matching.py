@@ -19,6 +19,7 @@ from bscd.dic.guess import (
 from bscd.dic.images import PreparedImage
 from bscd.dic.library import FOUND_COLUMNS
 from bscd.dic.solver import PARAMETERS, KnownSubsets, Solved, SolverOptions, solve
+from bscd.dic.trees import quick_tree
 
 #: A point that ended up this far from what its neighbour let expect is looked at again.
 _SURPRISE_PX = 0.5
@@ -249,7 +250,7 @@ class Matching:
     def _tree(self, known: IntArray) -> KDTree:
         """Of known points, ``known`` their numbers; made once while they are the same."""
         if self._last_tree is None or not np.array_equal(self._last_tree[0], known):
-            self._last_tree = known, KDTree(self._points[known])
+            self._last_tree = known, quick_tree(self._points[known])
         return self._last_tree[1]
 
     def _search(self) -> None:

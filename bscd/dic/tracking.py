@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from bscd.arrays import BoolArray, FloatArray
 from bscd.dic.correlation import Correlation, Status
@@ -21,6 +20,7 @@ from bscd.dic.sharpness import sharpness_per_px
 from bscd.dic.solver import PARAMETERS, KnownSubsets, Lighting, ShapeName
 from bscd.dic.tracker_state import REFERENCE, GenerationState, Tracked, TrackerState, at_rest
 from bscd.dic.tracking_kernel import carry_on
+from bscd.dic.trees import quick_tree
 
 #: A frame in which no more than this share of the points is found tells nothing of where they have gone.
 _HOPELESS = 0.05
@@ -178,7 +178,7 @@ class Tracker:
         if not len(lost) or not whole.valid.any():
             return
         known = np.flatnonzero(whole.valid)
-        beside = known[KDTree(self._points_px[known]).query(self._points_px[lost])[1]]
+        beside = known[quick_tree(self._points_px[known]).query(self._points_px[lost])[1]]
         deformation = np.eye(2) + whole.gradient[beside]
         offset = self._points_px[lost] - self._points_px[beside]
         place = whole.position_px[beside] + np.einsum("nij,nj->ni", deformation, offset)
@@ -259,9 +259,14 @@ class Tracker:
         return generation.curvature[1]
 
     def _predicted(self, generation: Generation, mine: NDArray[np.int64]) -> FloatArray:
-        """Shape parameters of steady motion: the last ones and once more their last change."""
+        """Shape parameters of steady motion: the last ones and once more their last change.
+
+        Of second derivatives half of it: the other half is noise.
+        """
         last, before = generation.shape[mine], generation.before[mine]
         ahead = 2.0 * last - before
+        if self._settings.shape == "curved":
+            ahead[:, SECOND] = 1.5 * last[:, SECOND] - before[:, SECOND] / 2.0
         return np.where(np.isfinite(ahead), ahead, last)
 
     def _recovered(

@@ -14,12 +14,15 @@ _SAME = 1e-9  # of the window's half width: points that lie alike
 
 
 @njit(cache=True, nogil=True)
-def fit_rows(points, indptr, indices, valid, rows, half, order, depth_order):
+def fit_rows(points, indptr, indices, valid, rows, half, order, depth_order, normals, fresh):
     """Least-squares polynomials over each row's valid neighbours, as weights on the values there.
 
     Gives the table ``(n, 4)`` of weights, where each row's part starts ``(M,)``, and per row the number of valid
     neighbours and the larger component of their mean offset over ``half`` ``(M,)``; -1 starts where no fit exists.
     Rows whose neighbours lie like those of the row before share its weights.
+
+    ``normals`` ``(N, T, T)`` are normal matrices, T the terms of the higher order. With ``fresh`` those of the rows are
+    entered; else they are there, over all neighbours, and what is missing is taken off.
     """
     total = 0
     for row in rows:
@@ -27,12 +30,18 @@ def fit_rows(points, indptr, indices, valid, rows, half, order, depth_order):
     table = np.empty((total, WEIGHTS))
     start = np.full(len(rows), -1, np.int64)
     count, offset = np.zeros(len(rows), np.int64), np.zeros(len(rows))
+    most = max(order, depth_order)
+    terms = terms_of(most)
+    normal, lower, slopes = np.empty((terms, terms)), np.empty((terms, terms)), np.empty((WEIGHTS, terms))
+    phi = np.empty(terms)
     used, last = 0, -1
     for m in range(len(rows)):
         row = rows[m]
         first, size = indptr[row], indptr[row + 1] - indptr[row]
         if last >= 0 and start[last] >= 0 and _alike(points, indptr, indices, valid, rows[last], row, half):
             start[m], count[m], offset[m] = start[last], count[last], offset[last]
+            if fresh:
+                normals[row] = normals[rows[last]]
             continue
         here = np.empty((size, 2))
         mean_x, mean_y = 0.0, 0.0
@@ -46,12 +55,29 @@ def fit_rows(points, indptr, indices, valid, rows, half, order, depth_order):
                 mean_y += here[k, 1]
         known = valid[indices[first : first + size]]
         offset[m] = max(abs(mean_x), abs(mean_y)) / max(count[m], 1)
-        part = table[used : used + size]
-        if _fit(here, known, order, half, part[:, :2]) and _fit(here, known, depth_order, half, part[:, 2:]):
+        if fresh or 2 * count[m] < size:
+            normal[:] = 0.0
+            _add_products(here, known, True, 1.0, most, phi, normal)
+            if fresh:
+                normals[row] = normal
+        else:
+            normal[:] = normals[row]
+            _add_products(here, known, False, -1.0, most, phi, normal)
+        slopes[:] = 0.0
+        if _solve_slopes(normal, order, half, lower, slopes[:2]) and _solve_slopes(
+            normal, depth_order, half, lower, slopes[2:]
+        ):
             start[m] = used
+            _weigh(here, known, most, phi, slopes, table[used : used + size])
             used += size
             last = m
     return table[:used].copy(), start, count, offset
+
+
+@njit(cache=True, nogil=True)
+def terms_of(order):
+    """Terms of a polynomial in two variables."""
+    return (order + 1) * (order + 2) // 2
 
 
 @njit(cache=True, nogil=True)
@@ -85,24 +111,32 @@ def _basis(x, y, order, out):
 
 
 @njit(cache=True, nogil=True)
-def _fit(here, known, order, half, weights):
-    """Weights ``(n, 2)`` of the two first derivatives at the origin, 0 for unknown points; False where singular."""
-    terms = (order + 1) * (order + 2) // 2
-    phi, lower = np.empty(terms), np.zeros((terms, terms))
+def _add_products(here, known, which, sign, order, phi, normal):
+    """Add ``sign`` times the products of the terms at the points that are ``which``; the lower half of a matrix.
+
+    That of a lower order is its first corner.
+    """
     for k in range(len(here)):
-        if known[k]:
+        if known[k] == which:
             _basis(here[k, 0], here[k, 1], order, phi)
-            for a in range(terms):
+            for a in range(len(phi)):
+                share = sign * phi[a]
                 for b in range(a + 1):
-                    lower[a, b] += phi[a] * phi[b]
+                    normal[a, b] += share * phi[b]
+
+
+@njit(cache=True, nogil=True)
+def _solve_slopes(normal, order, half, lower, slopes):
+    """The two first derivatives at the origin as weights ``(2, T)`` of the terms; False where singular."""
+    terms = terms_of(order)
     scale = np.empty(terms)
     for a in range(terms):
-        if not lower[a, a] > 0.0:
+        if not normal[a, a] > 0.0:
             return False
-        scale[a] = 1.0 / math.sqrt(lower[a, a])
-    for a in range(terms):  # Cholesky in place, scaled to a unit diagonal
+        scale[a] = 1.0 / math.sqrt(normal[a, a])
+    for a in range(terms):  # Cholesky, scaled to a unit diagonal
         for b in range(a + 1):
-            total = lower[a, b] * scale[a] * scale[b]
+            total = normal[a, b] * scale[a] * scale[b]
             for k in range(b):
                 total -= lower[a, k] * lower[b, k]
             if a == b:
@@ -111,7 +145,6 @@ def _fit(here, known, order, half, weights):
                 lower[a, a] = math.sqrt(total)
             else:
                 lower[a, b] = total / lower[b, b]
-    slopes = np.zeros((2, terms))
     for c in range(2):
         slopes[c, c + 1] = scale[c + 1]
         for a in range(terms):
@@ -122,15 +155,22 @@ def _fit(here, known, order, half, weights):
             for k in range(a + 1, terms):
                 slopes[c, a] -= lower[k, a] * slopes[c, k]
             slopes[c, a] /= lower[a, a]
-        slopes[c] *= scale / half
+        slopes[c, :terms] *= scale / half
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _weigh(here, known, order, phi, slopes, weights):
+    """Weights ``(n, 4)`` of the points, 0 for unknown ones."""
     for k in range(len(here)):
-        weights[k, 0], weights[k, 1] = 0.0, 0.0
+        weights[k] = 0.0
         if known[k]:
             _basis(here[k, 0], here[k, 1], order, phi)
-            for a in range(terms):
-                weights[k, 0] += slopes[0, a] * phi[a]
-                weights[k, 1] += slopes[1, a] * phi[a]
-    return True
+            for w in range(WEIGHTS):
+                total = 0.0
+                for a in range(len(phi)):
+                    total += slopes[w, a] * phi[a]
+                weights[k, w] = total
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from bscd.analysis.surface.derivative_kernel import (
     mean_rows,
     noise_rows,
     square_rows,
+    terms_of,
 )
 from bscd.arrays import BoolArray, FloatArray, IntArray
 
@@ -23,7 +24,8 @@ class LocalFits:
     """Polynomial fits about ``rows`` ``(M,)``: weights in ``table``, from ``start`` ``(M,)``, -1 where there is none.
 
     ``count`` ``(M,)`` is the number of neighbours in a fit, ``offset`` ``(M,)`` how far their centre is off the point,
-    as a part of the window's half width, along columns or rows, whichever is more.
+    as a part of the window's half width, along columns or rows, whichever is more. ``normals`` ``(N, T, T)`` are the
+    rows' normal matrices.
     """
 
     rows: IntArray
@@ -31,10 +33,13 @@ class LocalFits:
     start: IntArray
     count: IntArray
     offset: FloatArray
+    normals: FloatArray
 
     def only(self, keep: BoolArray) -> LocalFits:
         """The fits of some rows, by a mask ``(M,)``."""
-        return LocalFits(self.rows[keep], self.table, self.start[keep], self.count[keep], self.offset[keep])
+        return LocalFits(
+            self.rows[keep], self.table, self.start[keep], self.count[keep], self.offset[keep], self.normals
+        )
 
 
 @dataclass(frozen=True)
@@ -61,12 +66,28 @@ class Neighbourhoods:
             touched[self.indices[self.indptr[point] : self.indptr[point + 1]]] = True
         return touched
 
-    def fit(self, rows: IntArray, valid: BoolArray, order: int, depth_order: int) -> LocalFits:
-        """Fit polynomials of both orders about rows ``(M,)`` to their neighbours that are valid ``(N,)``."""
+    def fit(
+        self, rows: IntArray, valid: BoolArray, order: int, depth_order: int, complete: LocalFits | None = None
+    ) -> LocalFits:
+        """Fit polynomials of both orders about rows ``(M,)`` to their neighbours that are valid ``(N,)``.
+
+        With the ``complete`` fits about these rows, of when all points were valid, it takes a third of the time.
+        """
+        terms = terms_of(max(order, depth_order))
+        normals = np.zeros((len(self.points_px), terms, terms)) if complete is None else complete.normals
         found = fit_rows(
-            self.points_px, self.indptr, self.indices, valid, rows, self.half_px, int(order), int(depth_order)
+            self.points_px,
+            self.indptr,
+            self.indices,
+            valid,
+            rows,
+            self.half_px,
+            int(order),
+            int(depth_order),
+            normals,
+            complete is None,
         )
-        return LocalFits(rows, *found)
+        return LocalFits(rows, *found, normals)
 
     def derivatives(self, fits: LocalFits, values: FloatArray, out: FloatArray) -> None:
         """Derivatives by column and row, of both orders, of finite values ``(N, 3)`` into ``out`` ``(N, 3, 4)``."""

@@ -125,16 +125,16 @@ class StrainGauge:
             return self._status, [self._complete]
         if self._last is None or not np.array_equal(self._last[0], valid):
             touched = self._near.touched_by(np.flatnonzero(~valid))
-            renewed, fits = self._fit(touched & valid & (self._status == StrainStatus.VALID), valid)
+            renewed, fits = self._fit(touched & valid & (self._status == StrainStatus.VALID), valid, self._complete)
             status = np.where(renewed == StrainStatus.UNMEASURED, self._status, renewed)
             status[~valid] = StrainStatus.UNMEASURED
             self._last = valid, status, [self._complete.only(~touched[self._complete.rows]), fits]
         return self._last[1], self._last[2]
 
-    def _fit(self, where: BoolArray, valid: BoolArray) -> tuple[IntArray, LocalFits]:
+    def _fit(self, where: BoolArray, valid: BoolArray, complete: LocalFits | None = None) -> tuple[IntArray, LocalFits]:
         """Statuses (unmeasured but ``where``), and the fits of those that are valid."""
         settings = self._settings
-        fits = self._near.fit(np.flatnonzero(where), valid, settings.order, settings.depth_order)
+        fits = self._near.fit(np.flatnonzero(where), valid, settings.order, settings.depth_order, complete)
         enough = (fits.start >= 0) & (fits.count >= settings.least_share * self.window.window_points**2)
         centred = fits.offset <= settings.largest_offset
         status = np.full(len(valid), StrainStatus.UNMEASURED, dtype=np.int64)

@@ -47,6 +47,21 @@ def test_derivatives_are_those_of_least_squares(order):
     np.testing.assert_allclose(fits.offset, np.abs(centre - points[rows]).max(axis=1) / HALF_PX, atol=1e-12)
 
 
+@pytest.mark.parametrize("orders", [(3, 2), (2, 4)])
+@pytest.mark.parametrize("lost", [0.02, 0.3, 0.7])
+def test_fits_without_some_points_are_the_same_from_the_complete_ones(orders, lost):
+    points, _ = scattered()
+    near, everywhere = Neighbourhoods.of(points, HALF_PX), np.ones(len(points), bool)
+    complete = near.fit(np.arange(len(points)), everywhere, *orders)
+    valid = np.random.default_rng(6).uniform(size=len(points)) >= lost
+    rows = np.flatnonzero(valid)
+    values = np.where(valid[:, None], np.random.default_rng(7).normal(size=(len(points), 3)), 0.0)
+    anew, from_complete = np.full((2, len(points), 3, 4), np.nan)
+    near.derivatives(near.fit(rows, valid, *orders), values, anew)
+    near.derivatives(near.fit(rows, valid, *orders, complete), values, from_complete)
+    np.testing.assert_allclose(from_complete, anew, atol=1e-11)
+
+
 @pytest.mark.parametrize("subset_px", [21.0, 0.0])
 def test_noise_passes_as_through_the_dense_matrices(subset_px):
     points, valid = scattered()
