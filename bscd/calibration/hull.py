@@ -25,6 +25,6 @@ class Hull:
 
     def contains(self, points_mm: FloatArray) -> BoolArray:
         """Which of ``(N, 3)`` points lie in it; a NaN does not."""
-        distance = points_mm @ self.equations[:, :3].T
-        distance += self.equations[:, 3]
-        return distance.max(axis=1) <= _TOUCHING_MM
+        distance = self.equations[:, :3] @ points_mm.T
+        distance += self.equations[:, 3:]
+        return distance.max(axis=0) <= _TOUCHING_MM

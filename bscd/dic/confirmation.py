@@ -56,8 +56,12 @@ def _best_in_cells(points_px: FloatArray, score: FloatArray, cell_px: float) -> 
     """Indices of the point of highest score in each cell of a square grid."""
     column, row = (np.floor(points_px / cell_px) - np.floor(points_px.min(axis=0) / cell_px)).astype(np.int64).T
     cell = row * (column.max() + 1) + column
-    order = np.lexsort((-score, cell))
-    return order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+    highest = np.full(cell.max() + 1, -np.inf)
+    np.maximum.at(highest, cell, score)
+    best = np.flatnonzero(score == highest[cell])[::-1]
+    chosen = np.full(len(highest), -1)
+    chosen[cell[best]] = best  # of those that are the same the first, which is written last
+    return chosen[chosen >= 0]
 
 
 def _disagreement_px(one: FloatArray, other: FloatArray, offset_px: FloatArray) -> FloatArray:

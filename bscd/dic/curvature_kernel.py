@@ -104,14 +104,16 @@ def second_orders(values, known, index, count, weights, out):
     The neighbours, ``index`` ``(N, K)``, are the first ``count`` ``(N,)`` of theirs.
     """
     for n in range(len(values)):
-        for term in range(3):
-            first, second = 0.0, 0.0
-            for k in range(count[n]):
-                other = index[n, k]
-                if known[other]:
-                    first += weights[n, 3 + term, k] * values[other, 0]
-                    second += weights[n, 3 + term, k] * values[other, 1]
-            out[n, term], out[n, 3 + term] = first, second
+        uxx, uxy, uyy, vxx, vxy, vyy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(count[n]):
+            other = index[n, k]
+            if known[other]:
+                u, v = values[other, 0], values[other, 1]
+                xx, xy, yy = weights[n, 3, k], weights[n, 4, k], weights[n, 5, k]
+                uxx, uxy, uyy = uxx + xx * u, uxy + xy * u, uyy + yy * u
+                vxx, vxy, vyy = vxx + xx * v, vxy + xy * v, vyy + yy * v
+        row = out[n]
+        row[0], row[1], row[2], row[3], row[4], row[5] = uxx, uxy, uyy, vxx, vxy, vyy
 
 
 @njit(cache=True, nogil=True)
