@@ -24,6 +24,8 @@ from tests.procedures.measuring.test_live_recording import as_measured_afterward
 QUICK = {"rate_hz": 20.0, "frames": 400}
 BEHIND = {"workers": 1, "waiting_mb": 8.0}
 """What a measurement has that leaves frames out at that rate."""
+MOST = 100
+"""Frames after which a recording is ended that waits for the first live result: on a busy computer that takes long."""
 
 
 class Replaced:
@@ -38,11 +40,14 @@ class Replaced:
 
 class FailingCamera(Replaced):
     failed = False
+    frames = 0
 
     def read(self, timeout_s=5.0):
-        if self.failed:
+        if self.failed or self.frames == MOST:
             raise DeviceError("primary", "its power was switched off")
-        return self._device.read(timeout_s)
+        frame = self._device.read(timeout_s)
+        self.frames += 1
+        return frame
 
 
 class StuckValve(Replaced):
@@ -84,9 +89,13 @@ def test_a_stop_leaves_a_result_of_every_recorded_frame(wide, inflation_run, tmp
         if isinstance(event, LiveFrame):
             stop.set()
 
+    def progress(now):
+        if now.done == MOST:
+            stop.set()
+
     stopped = pytest.raises(ProcedureStoppedError, match="stopped as asked")
     with replaying(inflation_run, **QUICK) as (rig, recipe), stopped:
-        measured(rig, recipe, wide, tmp_path, stop=stop, on_event=on_event, **BEHIND)
+        measured(rig, recipe, wide, tmp_path, stop=stop, on_event=on_event, progress=progress, **BEHIND)
     assert capfd.readouterr().err == ""
     with RunFile(tmp_path / "run.h5") as run:
         assert run.state is RunState.INTERRUPTED
