@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bscd.dic.curvature_kernel import half_squares, leftover, neighbour_sums, residuals, second_orders
+from bscd.dic.curvature_kernel import fit_weights, half_squares, leftover, neighbour_sums, residuals, second_orders
 
 RNG = np.random.default_rng(11)
 POINTS, MOST, SUBSET = 60, 7, 21.0
@@ -15,6 +15,28 @@ INDEX = np.where(THERE, RNG.integers(0, POINTS, (POINTS, MOST)), 0)
 OFFSET = np.where(THERE[:, :, None], RNG.uniform(-30.0, 30.0, (POINTS, MOST, 2)), np.nan)
 KNOWN = RNG.random(POINTS) < 0.8
 WEIGHTS = np.where((THERE & KNOWN[INDEX])[:, None], RNG.normal(size=(POINTS, 6, MOST)), 0.0)
+
+
+def test_fit_weights_are_those_of_least_squares():
+    rng, count, radius, half_square = np.random.default_rng(12), np.array([12, 12, 9, 7, 3]), 30.0, 18.0
+    points, most = len(count), 12
+    index, known = rng.integers(0, points, (points, most)), np.array([True, True, False, True, True])
+    offset = rng.uniform(-radius, radius, (points, most, 2))
+    weights, noise = np.full((points, 6, most), np.nan), np.zeros(points)
+    fit_weights(offset, index, count, known, np.arange(points - 1), radius, weights, noise, half_square)
+    for n in range(points - 1):
+        there = np.flatnonzero((np.arange(most) < count[n]) & known[index[n]])
+        if len(there) <= 6:
+            assert np.isinf(noise[n])
+            continue
+        x, y = offset[n, there].T
+        exact = np.zeros((6, most))
+        exact[:, there] = np.linalg.pinv(np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2], axis=1))
+        scale = np.array([1.0, radius, radius, radius**2, radius**2, radius**2])[:, None]
+        given = weights[n] * np.array([1.0, 1.0, 1.0, radius**2, radius**2, radius**2])[:, None]
+        np.testing.assert_allclose(given, exact * scale, atol=1e-5 * np.abs(exact * scale).max())  # but for the ridge
+        assert noise[n] == pytest.approx(half_square * np.sqrt(np.sum(exact[[3, 5]] ** 2)), rel=1e-4)
+    assert np.isnan(weights[-1]).all()  # it was not asked for
 
 
 def test_residuals():
