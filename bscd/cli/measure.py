@@ -17,7 +17,6 @@ from bscd.cli.following import following
 from bscd.dic.pool import DaskPool, LocalPool, Pool
 from bscd.dic.solver import Lighting, ShapeName
 from bscd.errors import InputError
-from bscd.offline.report import check_report_folder, report_measurement
 from bscd.procedures.measuring import MeasureSettings, measure_to_file
 from bscd.results import ResultsFile, StereoSource, count_points
 
@@ -67,7 +66,10 @@ def register(app: typer.Typer) -> None:
             raise typer.BadParameter("give either --workers or --dask")
         if out.exists():
             raise InputError(f"{out}: exists already; results are never overwritten, choose another name")
-        check_report_folder(report)
+        if report is not None:
+            from bscd.offline.report import check_report_folder  # with the figures' libraries, half a second
+
+            check_report_folder(report)
         settings = MeasureSettings(
             step_px=step,
             subset_px=subset,
@@ -110,6 +112,8 @@ def register(app: typer.Typer) -> None:
             frames = f"{len(results)} {header.parameters['phase']} frames"
         typer.echo(f"{out}: {frames} of {len(header.points_px)} points: {counts.text(header.status_names)}")
         if report is not None:
+            from bscd.offline.report import report_measurement
+
             with RunFile(run) as source, following("Measuring by the pair", "frames") as progress:
                 page = report_measurement(
                     loaded, source, out, settings, report, warnings=warnings, warn=_warn, progress=progress

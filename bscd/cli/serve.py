@@ -5,16 +5,17 @@ from __future__ import annotations
 import sys
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import structlog
 import typer
 
-from bscd.api.server import Served, require_safe, serve
-from bscd.daemon.daemon import Daemon, open_daemon
-from bscd.daemon.logs import configure_logs
 from bscd.errors import BscdError, InputError
 from drivers.errors import DeviceError
+
+if TYPE_CHECKING:
+    from bscd.api.server import Served
+    from bscd.daemon.daemon import Daemon
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[2] / "config/twin.toml"
 
@@ -51,6 +52,10 @@ def register(app: typer.Typer) -> None:
 
         Example: bscd serve --config rig.toml
         """
+        from bscd.api.server import require_safe, serve  # loads half a second long: bscd --help need not wait for it
+        from bscd.daemon.daemon import open_daemon
+        from bscd.daemon.logs import configure_logs
+
         configure_logs(json=json_logs)
         sys.setswitchinterval(_SWITCH_S)
         given = {"data_folder": None if data is None else str(data.absolute()), "port": port}

@@ -18,9 +18,12 @@ def test_version_and_exit_codes():
     assert (by_module.returncode, by_module.stdout) == (0, done.stdout)
 
 
-def test_the_version_is_told_without_loading_the_commands():
-    told = "import sys; from bscd.cli.app import run; run(['--version']); sys.exit('numpy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", told], capture_output=True, timeout=60).returncode == 0
+@pytest.mark.parametrize(("option", "unwanted"), [("--version", {"numpy"}), ("--help", {"matplotlib", "fastapi"})])
+def test_what_is_asked_first_is_told_without_loading_all(option, unwanted):
+    asked = (
+        f"import sys; from bscd.cli.app import run; run([{option!r}]); sys.exit(bool({unwanted} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", asked], capture_output=True, timeout=60).returncode == 0
 
 
 def test_good_and_bad_configuration(capsys, tmp_path):

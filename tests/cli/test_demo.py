@@ -10,7 +10,8 @@ import pytest
 from bscd.acquisition import RunFile
 from bscd.calibration import Calibration
 from bscd.cli.app import run
-from bscd.cli.demo import DEFAULT_CONFIG, run_demo
+from bscd.cli.demo import DEFAULT_CONFIG
+from bscd.cli.demo.run import run_demo
 from bscd.cli.demo.summary import told
 from bscd.config import parse_config
 from bscd.errors import InputError

@@ -1,4 +1,4 @@
-"""The demo's command: everything in its order, then summary.json and the report."""
+"""The demo: everything in its order, then summary.json and the report."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from bscd.acquisition import PhaseName, RunFile
 from bscd.analysis.report import ReportData, write_report
@@ -18,7 +17,7 @@ from bscd.analysis.report.measurement import MeasurementData
 from bscd.analysis.validation import Validation, compare_variants, validate
 from bscd.calibration import Calibration
 from bscd.cli.demo import calibrating, measuring
-from bscd.cli.demo.summary import summarise, told
+from bscd.cli.demo.summary import summarise
 from bscd.cli.progress import progress
 from bscd.cli.twin_truth import WitnessedWorld, with_truth
 from bscd.composition import build_devices, build_world
@@ -30,7 +29,6 @@ from bscd.procedures.reporting import Source, gather_measurement
 from bscd.results import ResultsFile
 from drivers.clock import VirtualClock
 
-DEFAULT_CONFIG = Path(__file__).resolve().parents[3] / "config/twin.toml"
 _MARKER = ".bscd-demo"
 _FILES = (
     *(f"{name}.h5" for name in ("reference", "bsc", "pos0", "between", "calibration")),
@@ -49,27 +47,6 @@ class DemoResult:
     pos0: Validation
     volume: Validation
     summary: dict[str, Any]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-
-    @app.command()
-    def demo(
-        out: Annotated[Path, typer.Option(help="Folder for the report, the figures and the run files.")] = Path(
-            "demo-out"
-        ),
-        config: Annotated[Path, typer.Option(help="Another twin than the built-in one.")] = DEFAULT_CONFIG,
-    ) -> None:
-        """Calibrate the digital twin, measure a sphere and an inflation; write report.html and summary.json.
-
-        Example: bscd demo --out demo-out
-        """
-        begun = time.monotonic()
-        result = run_demo(out, config.read_text(encoding="utf-8"), str(config))
-        for line in told(result.summary):
-            typer.echo(line)
-        typer.echo(f"{result.folder / 'report.html'} ({time.monotonic() - begun:.0f} s)")
 
 
 def run_demo(out: Path, config_text: str, config_name: str = "configuration") -> DemoResult:
