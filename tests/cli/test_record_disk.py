@@ -1,6 +1,7 @@
 """`bscd record` onto a disk that is small, fills, can not be written or goes away: on a real one, made for the test."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -120,7 +121,7 @@ def test_one_with_just_so_much_room_takes_the_whole_run(disk):
 def test_one_that_fills_to_its_reserve_ends_it_vented_and_closed(disk):
     told = disk("fills", 70_000_000)
     assert told["code"] == 1
-    assert "the disk is full (60 MB left)" in told["said"][0]
+    assert re.search(r"the disk is full \(6[0-3] MB left\)", told["said"][0])  # less than the reserve's 64
     assert (told["state"], told["damage"]) == ("interrupted", "")
     assert "the disk is full" in told["reason"]
     assert told["acquired"] == told["frames"] + told["lost"]
