@@ -84,9 +84,8 @@ class Curvature:
         self._count = np.count_nonzero(np.isfinite(self._offset[:, :, 0]), axis=1)  # the nearest ones come first
         self._radius_px = radius
         self._weights = np.zeros((count, TERMS, self._index.shape[1]))
-        self._noise = np.zeros(count)
+        self._noise = np.full(count, np.inf)
         self._expected, self._stale = np.zeros(count), np.ones(count, bool)
-        self._good = np.zeros(count, bool)
         self._known = np.zeros(count, bool)
         self._fresh = True
 
@@ -98,12 +97,13 @@ class Curvature:
         known = np.asarray(np.isfinite(displacement_px).all(axis=1))
         self._fit(known)
         result = np.zeros((len(known), 6))
-        if not self._good.any():
+        fitted = self._good
+        if not fitted.any():
             return result
         second_orders(np.asarray(displacement_px, np.float64), known, self._index, self._count, self._weights, result)
-        bad = np.flatnonzero(~self._good)
+        bad = np.flatnonzero(~fitted)
         if len(bad):
-            good = np.flatnonzero(self._good)
+            good = np.flatnonzero(fitted)
             result[bad] = result[good[quick_tree(self._points_px[good]).query(self._points_px[bad])[1]]]
         return result
 
@@ -141,6 +141,11 @@ class Curvature:
         """Bound ``(N, 2)`` of what second derivatives ``(N, 6)`` that were not held do to a match."""
         return np.abs(second.reshape(-1, 2, 3)).sum(axis=2) / 2.0 * self._square_px2
 
+    @property
+    def _good(self) -> BoolArray:
+        """Where a fit is worth having, ``(N,)``."""
+        return self._noise < _LARGEST_NOISE
+
     def _fit(self, known: BoolArray) -> None:
         """Bring the weights up to the known points; only where the neighbourhood changed."""
         changed = known != self._known
@@ -148,9 +153,17 @@ class Curvature:
         self._known, self._fresh = known.copy(), False
         if not len(rows):
             return
-        noise = self._noise, self._square_px2 / 2.0
-        fit_weights(self._offset, self._index, self._count, known, rows, self._radius_px, self._weights, *noise)
-        self._good[rows] = self._noise[rows] < _LARGEST_NOISE
+        fit_weights(
+            self._offset,
+            self._index,
+            self._count,
+            known,
+            rows,
+            self._radius_px,
+            self._square_px2 / 2.0,
+            self._weights,
+            self._noise,
+        )
         self._stale[rows] = True
 
 

@@ -14,7 +14,7 @@ _RIDGE = 1e-9  # of the normal matrix's trace: what few neighbours leave open is
 
 
 @njit(cache=True, nogil=True)
-def fit_weights(offset, index, count, known, rows, radius, weights, noise, half_square):
+def fit_weights(offset, index, count, known, rows, radius, half_square, weights, noise):
     """Weights ``(N, 6, K)`` of the neighbours in least-squares fits of second order about points ``rows`` ``(n,)``.
 
     The neighbours, ``index`` ``(N, K)``, are the first ``count`` ``(N,)`` at the offsets ``(N, K, 2)``; those that are

@@ -20,9 +20,9 @@ from bscd.procedures.reporting import Source, gather_measurement
 from bscd.results import ResultsFile
 
 
-def check_report_folder(folder: Path | None) -> None:
+def check_report_folder(folder: Path) -> None:
     """Raise `InputError` when a report can not go there, before anything is measured."""
-    if folder is not None and folder.exists() and not folder.is_dir():
+    if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; name a folder for the report")
 
 

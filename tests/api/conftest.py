@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tests.api.serving import api_of
-from tests.daemon.small import done, small_daemon
+from tests.daemon.small import homed_daemon
 
 
 @pytest.fixture(scope="package")
 def daemon(tmp_path_factory):
-    with small_daemon(tmp_path_factory.mktemp("api"), sensor_px=320, requests_per_s=10_000.0) as opened:
-        done(opened, "home")
+    with homed_daemon(tmp_path_factory.mktemp("api")) as opened:
         yield opened
 
 

@@ -65,6 +65,14 @@ def recipe(kind: str, **values: Any) -> Any:
     return RECIPE.validate_python({"recipe": kind, **values})
 
 
+@contextmanager
+def homed_daemon(folder: Path) -> Iterator[Daemon]:
+    """A small one that is homed, and asked as often as tests like."""
+    with small_daemon(folder, sensor_px=320, requests_per_s=10_000.0) as opened:
+        done(opened, "home")
+        yield opened
+
+
 def until(condition: Callable[[], Any], what: str) -> Any:
     """Wait for it."""
     ends = time.monotonic() + WAIT_S

@@ -23,7 +23,7 @@ def test_fit_weights_are_those_of_least_squares():
     index, known = rng.integers(0, points, (points, most)), np.array([True, True, False, True, True])
     offset = rng.uniform(-radius, radius, (points, most, 2))
     weights, noise = np.full((points, 6, most), np.nan), np.zeros(points)
-    fit_weights(offset, index, count, known, np.arange(points - 1), radius, weights, noise, half_square)
+    fit_weights(offset, index, count, known, np.arange(points - 1), radius, half_square, weights, noise)
     for n in range(points - 1):
         there = np.flatnonzero((np.arange(most) < count[n]) & known[index[n]])
         if len(there) <= 6:
