@@ -21,7 +21,7 @@ def fit_weights(offset, index, count, known, rows, radius, half_square, weights,
     not ``known`` ``(N,)`` have no weight. ``noise`` ``(N,)``: of ``half_square`` times the Laplacian for values of unit
     noise; infinite where there are too few.
     """
-    normal, inverse, phi = np.empty((TERMS, TERMS)), np.empty((TERMS, TERMS)), np.empty(TERMS)
+    normal, phi = np.empty((TERMS, TERMS)), np.empty(TERMS)
     for n in rows:
         normal[:] = 0.0
         weights[n] = 0.0
@@ -31,7 +31,7 @@ def fit_weights(offset, index, count, known, rows, radius, half_square, weights,
                 there += 1
                 _basis(offset[n, k, 0] / radius, offset[n, k, 1] / radius, phi)
                 for a in range(TERMS):
-                    for b in range(a + 1):
+                    for b in range(TERMS):
                         normal[a, b] += phi[a] * phi[b]
         noise[n] = math.inf
         if there <= TERMS:
@@ -39,7 +39,7 @@ def fit_weights(offset, index, count, known, rows, radius, half_square, weights,
         ridge = _RIDGE * np.trace(normal) + 1e-12
         for a in range(TERMS):
             normal[a, a] += ridge
-        _invert(normal, inverse)
+        inverse = np.linalg.inv(normal)
         squares = 0.0
         for k in range(count[n]):
             if known[index[n, k]]:
@@ -56,29 +56,6 @@ def fit_weights(offset, index, count, known, rows, radius, half_square, weights,
 @njit(cache=True, inline="always")
 def _basis(x, y, out):
     out[0], out[1], out[2], out[3], out[4], out[5] = 1.0, x, y, x * x / 2.0, x * y, y * y / 2.0
-
-
-@njit(cache=True, nogil=True)
-def _invert(normal, inverse):
-    """The inverse of a positive symmetric matrix of which the lower half is given, and overwritten."""
-    size = len(normal)
-    for a in range(size):  # Cholesky
-        for b in range(a + 1):
-            total = normal[a, b]
-            for k in range(b):
-                total -= normal[a, k] * normal[b, k]
-            normal[a, b] = math.sqrt(total) if a == b else total / normal[b, b]
-    for c in range(size):
-        for a in range(size):
-            total = 1.0 if a == c else 0.0
-            for k in range(a):
-                total -= normal[a, k] * inverse[k, c]
-            inverse[a, c] = total / normal[a, a]
-        for a in range(size - 1, -1, -1):
-            total = inverse[a, c]
-            for k in range(a + 1, size):
-                total -= normal[k, a] * inverse[k, c]
-            inverse[a, c] = total / normal[a, a]
 
 
 @njit(cache=True, nogil=True)
